@@ -1,12 +1,12 @@
 """The design of a study: a scene, axes and settings; its kind says what is computed at each point
 of the grid."""
 
+import copy
 import hashlib
-import itertools
 import math
 import random
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from importlib import import_module
@@ -79,7 +79,7 @@ def read_axes(tables: Sequence[Mapping[str, Any]], gears: Gears | None = None) -
     """
     valid = (*VARIABLE, *(values_of(gears) if gears else ()))
     found: list[Axis] = []
-    if isinstance(tables, str | Mapping) or not isinstance(tables, Sequence):
+    if not isinstance(tables, list | tuple):
         raise InputError("axes", tables, "write each axis as a table [[axes]]")
     for table in tables:
         if not isinstance(table, Mapping) or not table:
@@ -88,14 +88,13 @@ def read_axes(tables: Sequence[Mapping[str, Any]], gears: Gears | None = None) -
             )
         for name in table:
             if name not in valid and not ORDER_FIELD.fullmatch(name):
-                needs = (
-                    "a value of gears, which this study has not; write [gears], or vary one of"
-                    " [scene]"
-                )
                 why = f"no field of a scene or a simulation; {nearest(name, valid)}"
-                raise InputError(
-                    "axes", name, needs if gears is None and name in GEAR_VALUES else why
-                )
+                if gears is None and name in GEAR_VALUES:
+                    why = (
+                        "a value of gears, which this study has not; write [gears], or vary one of"
+                        " [scene]"
+                    )
+                raise InputError("axes", name, why)
         columns = {name: _values(name, values) for name, values in table.items()}
         lengths = {name: len(values) for name, values in columns.items()}
         if len(set(lengths.values())) > 1:
@@ -122,10 +121,11 @@ def read_axes(tables: Sequence[Mapping[str, Any]], gears: Gears | None = None) -
 def combination(axes: Sequence[Axis], number: int) -> dict[str, Any]:
     """Give one point of the grid by its index, the last axis running fastest."""
     steps = np.unravel_index(number, [len(axis.values) for axis in axes])
-    pairs = (
-        zip(axis.names, axis.values[i], strict=True) for axis, i in zip(axes, steps, strict=True)
-    )
-    return dict(itertools.chain.from_iterable(pairs))
+    return {
+        name: value
+        for axis, step in zip(axes, steps, strict=True)
+        for name, value in zip(axis.names, axis.values[step], strict=True)
+    }
 
 
 def _values(name: str, given: Any) -> tuple[Any, ...]:
@@ -134,16 +134,16 @@ def _values(name: str, given: Any) -> tuple[Any, ...]:
         check_keys(field, given, ("linear", "log"))
         if len(given) != 1:
             raise InputError(field, dict(given), AXIS_EXAMPLE)
-        kind, ends = next(iter(given.items()))
+        ((kind, ends),) = given.items()
         values = _space(field, kind, ends)
-    elif isinstance(given, Sequence) and not isinstance(given, str):
+    elif isinstance(given, list | tuple):
         values = tuple(given)
     else:
         raise InputError(field, given, AXIS_EXAMPLE)
     if not values:
         raise InputError(field, given, "has no values; " + AXIS_EXAMPLE)
     for value in values:
-        if isinstance(value, Sequence | Mapping) and not isinstance(value, str):
+        if isinstance(value, list | tuple | dict):
             raise InputError(field, value, "each value is a number or a name")
     if len(set(values)) < len(values):
         raise InputError(field, given, "holds a value twice")
@@ -153,7 +153,7 @@ def _values(name: str, given: Any) -> tuple[Any, ...]:
 def _space(field: str, kind: str, ends: Any) -> tuple[float, ...]:
     """Values spaced evenly, or evenly in their logarithm, rounded to six or more significant
     digits."""
-    if not isinstance(ends, Sequence) or isinstance(ends, str) or len(ends) != 3:
+    if not isinstance(ends, list | tuple) or len(ends) != 3:
         raise InputError(field, ends, "give [LOW, HIGH, POINTS]")
     low = finite(f"{field} LOW", ends[0])
     high = finite(f"{field} HIGH", ends[1])
@@ -162,9 +162,9 @@ def _space(field: str, kind: str, ends: Any) -> tuple[float, ...]:
         positive(f"{field} LOW", low)
     if high <= low:
         raise InputError(f"{field} HIGH", high, f"must be greater than LOW = {low:g}")
-    values = np.geomspace(low, high, points) if kind == "log" else np.linspace(low, high, points)
+    space = np.geomspace if kind == "log" else np.linspace
     digits = 6 + max(0, math.ceil(math.log10(points)) - 3)
-    return tuple(float(f"{v:.{digits}g}") for v in values)
+    return tuple(float(f"{value:.{digits}g}") for value in space(low, high, points))
 
 
 STUDY_KINDS = {
@@ -338,17 +338,18 @@ class Study:
         kind = kind_of(name)
         check_keys("study", given, ("kind", "title", *kind.KEYS))
         parts: dict[str, Any] = {
-            name: data[name] for name in ("gears", "scene", "drive") if name in data
+            part: data[part] for part in ("gears", "scene", "drive") if part in data
         }
         scene = Scene.from_dict(parts)
-        base = table_of(scene)
-        if "start" not in parts.get("scene", {}):
-            base.pop("start", None)
         axes = read_axes(data.get("axes", []), scene.gears)
-        own = kind.read(given, {name for axis in axes for name in axis.names})
-        title = str(given.get("title", kind.TITLE))
         return cls(
-            base=base, axes=axes, title=title, text=text, gears=scene.gears, kind=name, **own
+            base=table_of(scene, "start" in parts.get("scene", {})),
+            axes=axes,
+            title=str(given.get("title", kind.TITLE)),
+            text=text,
+            gears=scene.gears,
+            kind=name,
+            **kind.read(given, {field for axis in axes for field in axis.names}),
         )
 
     @property
@@ -365,13 +366,13 @@ class Study:
         InputError
             If no point can be simulated.
         """
-        found = tuple(self._point(combination(self.axes, number)) for number in range(self.size))
-        if not any(p.sample for p in found):
-            why = next(iter(found[0].reasons.values()))
+        points = tuple(map(self._point, range(self.size)))
+        if not any(point.sample for point in points):
+            why = next(iter(points[0].reasons.values()))
             raise InputError(
                 "study", self.title, f"not one point of the grid can be computed ({why})"
             )
-        return found
+        return points
 
     @property
     def names(self) -> list[str]:
@@ -420,7 +421,7 @@ class Study:
         if self.size <= most:
             return self.points
         numbers = sorted(random.Random(0).sample(range(self.size), most))
-        return tuple(self._point(combination(self.axes, number)) for number in numbers)
+        return tuple(map(self._point, numbers))
 
     @cached_property
     def cells(self) -> list[Cell]:
@@ -432,28 +433,20 @@ class Study:
         """The gears in whose units the study is explained; None where these vary along an axis."""
         return None if set(UNIT_VALUES) & set(self.names) else self.gears
 
-    def _base_at(self, coordinates: Mapping[str, Any]) -> dict[str, Any]:
-        """The scene as a table, with the parameters that follow from the values of the gears at a
-        point."""
-        changes = {name: value for name, value in coordinates.items() if name in GEAR_VALUES}
-        if not changes:
-            return self.base
-        scene = scene_with(replace(make_scene(self.base, {}), gears=self.gears), changes)
-        table = table_of(scene)
-        if "start" not in self.base:
-            del table["start"]
-        return table
-
-    def _point(self, coordinates: dict[str, Any]) -> Point:
+    def _point(self, number: int) -> Point:
+        """One point of the grid by its index."""
+        coordinates = combination(self.axes, number)
+        gears = {name: value for name, value in coordinates.items() if name in GEAR_VALUES}
+        base = self.base
         try:
-            scene = make_scene(self._base_at(coordinates), coordinates)
+            if gears:  # the parameters that follow from them
+                scene = replace(make_scene(base, {}), gears=self.gears)
+                base = table_of(scene_with(scene, gears), "start" in base)
+            scene = make_scene(base, coordinates)
         except InputError as error:
             return Point(coordinates, None, (), {"scene": str(error)})
-        settings = self.settings | {
-            name: value for name, value in coordinates.items() if name in SETTING_NAMES
-        }
-        sample, predictions, reasons = kind_of(self.kind).cells(self, scene, settings)
-        return Point(coordinates, sample, predictions, reasons)
+        varied = {name: value for name, value in coordinates.items() if name in SETTING_NAMES}
+        return Point(coordinates, *kind_of(self.kind).cells(self, scene, self.settings | varied))
 
 
 def kind_of(name: str) -> Any:
@@ -487,46 +480,48 @@ def list_reasons(study: Study) -> pd.DataFrame:
 
 
 def with_coordinates(coordinates: Mapping[str, Any], table: pd.DataFrame) -> pd.DataFrame:
-    """Put the coordinates of a point before the columns of its table."""
-    return pd.concat(
-        [
-            pd.DataFrame({n: [v] * len(table) for n, v in coordinates.items()}, index=table.index),
-            table,
-        ],
-        axis=1,
-    )
+    """Put the coordinates of a point before the columns of its table; they replace columns of the
+    same name."""
+    columns = dict.fromkeys([*coordinates, *table])
+    return table.assign(**coordinates)[[*columns]]
 
 
-def table_of(scene: Scene) -> dict[str, Any]:
-    """A scene as one table, its drive within, without the gears: an axis may vary what they fix."""
+def join_points(
+    tables: Iterable[tuple[Mapping[str, Any], pd.DataFrame]], columns: Sequence[str] = ()
+) -> pd.DataFrame:
+    """Join the tables of points, each with its coordinates; without any, a table of these
+    columns."""
+    parts = [with_coordinates(coordinates, table) for coordinates, table in tables]
+    return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame(columns=[*columns])
+
+
+def table_of(scene: Scene, own_start: bool = True) -> dict[str, Any]:
+    """A scene as one table, its drive within, without the gears: an axis may vary what they fix.
+
+    Without a start of its own, that of the paper follows the gaps.
+    """
     whole = replace(scene, gears=None).to_dict()
-    return {**whole["scene"], **{name: whole[name] for name in ("drive",) if name in whole}}
+    table: dict[str, Any] = whole.pop("scene") | whole
+    if not own_start:
+        table.pop("start", None)
+    return table
 
 
 def make_scene(base: dict[str, Any], coordinates: Mapping[str, Any]) -> Scene:
-    """The scene of such a table with values replaced as `place` does."""
-    table = place(base, coordinates)
-    drive = {"drive": table.pop("drive")} if "drive" in table else {}
-    return Scene.from_dict(drive | {"scene": table})
-
-
-def place(base: dict[str, Any], coordinates: Mapping[str, Any]) -> dict[str, Any]:
-    """The scene's table, and its drive, with values replaced; a dotted name is a field of a nested
+    """The scene of such a table with values replaced; a dotted name is a field of a nested
     table."""
-    out = {name: dict(value) if isinstance(value, dict) else value for name, value in base.items()}
+    table = copy.deepcopy(base)
     for name, value in coordinates.items():
         part, _, field = name.partition(".")
         if order := ORDER_FIELD.fullmatch(name):
-            orders = {
-                one["order"]: one for one in out.get("drive", [{"order": 1, "amplitude": 1.0}])
-            }
             number = int(order[1])
-            changed = (
-                {"order": number, "amplitude": 0.0} | orders.get(number, {}) | {order[2]: value}
-            )
-            out["drive"] = [*(orders | {number: changed}).values()]
+            drive = table.get("drive", [{"order": 1, "amplitude": 1.0}])
+            orders = {one["order"]: one for one in drive}
+            orders.setdefault(number, {"order": number, "amplitude": 0.0})[order[2]] = value
+            table["drive"] = [*orders.values()]
         elif field:
-            out.setdefault(part, {})[field] = value
+            table.setdefault(part, {})[field] = value
         elif name not in (*SETTING_NAMES, *GEAR_VALUES):
-            out[name] = value
-    return out
+            table[name] = value
+    drive = {name: table.pop(name) for name in ("drive",) if name in table}
+    return Scene.from_dict(drive | {"scene": table})
