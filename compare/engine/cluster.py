@@ -26,8 +26,8 @@ if TYPE_CHECKING:
 
 def check_address(address: str) -> None:
     """Check the form of a scheduler's address."""
-    found = re.fullmatch(r"(tcp|tls)://(\[[0-9a-fA-F:.]+\]|[\w.-]+):(\d{1,5})", address)
-    if not found or not 0 < int(found[3]) < 2**16:
+    parts = re.fullmatch(r"(tcp|tls)://(\[[0-9a-fA-F:.]+\]|[\w.-]+):(\d{1,5})", address)
+    if not parts or not 0 < int(parts[3]) < 2**16:
         raise InputError(
             "scheduler",
             address,
@@ -247,10 +247,10 @@ def compute_checked(version: str, work: Callable[..., Any], *given: Any) -> Any:
 
     if change := describe_difference(sources_in(*PACKAGES)):
         raise Lost(f"worker {get_worker().address}: {change}: start it again")
-    if (own := numerical_version()) != version:
+    if (version_here := numerical_version()) != version:
         worker = get_worker().address
         raise Lost(
-            f"worker {worker} has numerical version {own}, here it is {version}: install the same"
-            " there"
+            f"worker {worker} has numerical version {version_here}, here it is {version}: install"
+            " the same there"
         )
     return work(*given)

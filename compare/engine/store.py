@@ -209,17 +209,17 @@ class Store:
 
         After about a second that process is named, once.
         """
-        if (found := self.read(cell)) is not None:
-            return found
+        if (result := self.read(cell)) is not None:
+            return result
         with self.alone(cell.key) as alone:
             if alone:
                 # it may have been stored just before the lock was taken
-                if (found := self.read(cell)) is None:
+                if (result := self.read(cell)) is None:
                     self.check_sources(cell)
                     content = compute(cell)
                     self.write(cell, content)
-                    found = cell.restore(content)
-                return found
+                    result = cell.restore(content)
+                return result
         time.sleep(PAUSE)
         who = self._holder(cell.key)
         self._tries[who] += 1
@@ -230,9 +230,9 @@ class Store:
     def obtain(self, cell: Cell, *how: Any) -> Any:
         """Read or compute the result of a cell as `attempt` does, waiting for another process that
         computes it."""
-        while (found := self.attempt(cell, *how)) is None:
+        while (result := self.attempt(cell, *how)) is None:
             pass
-        return found
+        return result
 
     @contextmanager
     def alone(self, key: str) -> Iterator[bool]:
@@ -305,12 +305,12 @@ def open_store(folder: Path | str | None) -> Store:
 def _parse(key: str, content: bytes) -> Content:
     """The result in a file's content; raises an error of some kind if there is none."""
     with pq.ParquetFile(pa.BufferReader(_without_seal(content))) as file:
-        found = file.read(use_threads=False)
-    record = json.loads(found.schema.metadata[PARQUET_ENTRY])
+        table = file.read(use_threads=False)
+    record = json.loads(table.schema.metadata[PARQUET_ENTRY])
     if record["key"] != key:
         raise ValueError("belongs to another key")
     float(record["facts"]["seconds"])
-    return Content(found.to_pandas(use_threads=False), record["facts"])
+    return Content(table.to_pandas(use_threads=False), record["facts"])
 
 
 def with_seal(parquet: bytes) -> bytes:

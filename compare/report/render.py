@@ -7,6 +7,7 @@ between two backticks stands code, everything else is shown literally.
 
 import base64
 import hashlib
+import math
 import re
 from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, field
@@ -196,6 +197,16 @@ def make_environment(finalize: Callable[[Any], Any]) -> Environment:
         undefined=StrictUndefined,
         finalize=finalize,
     )
+
+
+def render_sentences(template: str, **values: Any) -> list[str]:
+    """The sentences of an answer; in its template an empty line stands between two of them."""
+    environment = make_environment(str)
+    environment.autoescape = False
+    environment.filters["form"] = format
+    environment.tests["finite"] = math.isfinite
+    text = environment.get_template(template).render(values)
+    return [line(sentence) for sentence in re.split(r"\n\s*\n", text) if sentence.strip()]
 
 
 def _unless_made(change: Callable[[str], Any]) -> Callable[[Any], Any]:

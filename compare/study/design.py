@@ -78,7 +78,7 @@ def read_axes(tables: Sequence[Mapping[str, Any]], gears: Gears | None = None) -
     Fields of one table vary together and need equally many values.
     """
     valid = (*VARIABLE, *(values_of(gears) if gears else ()))
-    found: list[Axis] = []
+    axes: list[Axis] = []
     if not isinstance(tables, list | tuple):
         raise InputError("axes", tables, "write each axis as a table [[axes]]")
     for table in tables:
@@ -103,19 +103,19 @@ def read_axes(tables: Sequence[Mapping[str, Any]], gears: Gears | None = None) -
                 lengths,
                 "fields of one [[axes]] table vary together: give as many values each",
             )
-        found.append(Axis(tuple(columns), tuple(zip(*columns.values(), strict=True))))
-    names = [name for axis in found for name in axis.names]
+        axes.append(Axis(tuple(columns), tuple(zip(*columns.values(), strict=True))))
+    names = [name for axis in axes for name in axis.names]
     for name in names:
         if names.count(name) > 1:
             raise InputError("axes", name, "varies along two axes; keep one")
-    points = math.prod(len(axis.values) for axis in found)
+    points = math.prod(len(axis.values) for axis in axes)
     if points > MOST_GRID_POINTS:
         raise InputError(
             "axes",
             points,
             f"points make the grid; it may have {MOST_GRID_POINTS}: take fewer values",
         )
-    return tuple(found)
+    return tuple(axes)
 
 
 def combination(axes: Sequence[Axis], number: int) -> dict[str, Any]:
@@ -276,7 +276,7 @@ class Study:
 
     def __repr__(self) -> str:
         """What varies, and what is computed at each point."""
-        closures = ", ".join(find_closure("closures", each).name for each in self.closures)
+        closures = ", ".join(find_closure("closures", closure).name for closure in self.closures)
         over = ", ".join(f"{axis.names[0]} ({len(axis.values)})" for axis in self.axes) or "nothing"
         return (
             f"Study {self.title!r} of {self.kind}: {self.size} points over {over}; closures:"
@@ -461,7 +461,7 @@ def page_of(study: Study) -> Any:
 
 def read_results(study: Study, store: Store) -> dict[str, Any]:
     """Read the results of a study that are stored, by key."""
-    return {cell.key: found for cell in study.cells if (found := store.read(cell)) is not None}
+    return {cell.key: result for cell in study.cells if (result := store.read(cell)) is not None}
 
 
 def combine(study: Study, results: Mapping[str, Any]) -> Any:

@@ -227,7 +227,7 @@ class FailedPoints(NamedTuple):
 
 def group_failures(points: Sequence[Point], failed: Mapping[str, str]) -> list[FailedPoints]:
     """Group the error messages of a study's points by their reason."""
-    found: dict[tuple[str, str], list[tuple[Point, str]]] = {}
+    failures: dict[tuple[str, str], list[tuple[Point, str]]] = {}
     for point in points:
         lost = {
             getattr(cell, "closure", "sample"): failed[cell.key]
@@ -235,7 +235,7 @@ def group_failures(points: Sequence[Point], failed: Mapping[str, str]) -> list[F
             if cell.key in failed
         }
         for what, why in (point.reasons | lost).items():
-            found.setdefault((what, NUMBER_PATTERN.sub("", why)), []).append((point, why))
+            failures.setdefault((what, NUMBER_PATTERN.sub("", why)), []).append((point, why))
     return [
         FailedPoints(
             REASON_NAMES.get(what, what),
@@ -244,7 +244,7 @@ def group_failures(points: Sequence[Point], failed: Mapping[str, str]) -> list[F
             len(points),
             where[0][0].coordinates,
         )
-        for (what, _), where in found.items()
+        for (what, _), where in failures.items()
     ]
 
 

@@ -213,19 +213,19 @@ def _centre(values: Floats) -> Floats:
 Triple = tuple[Point, Sampled, list[Predicted]]
 
 
-def combine(study: Study, found: Mapping[str, Any]) -> Tables:
+def combine(study: Study, results: Mapping[str, Any]) -> Tables:
     """Compute the tables of a study from the results of its cells, by key."""
-    predictions = sum(cell.key in found for point in study.points for cell in point.predictions)
+    predictions = sum(cell.key in results for point in study.points for cell in point.predictions)
     # 95 % simultaneous coverage over the study (Bonferroni)
     z = widest(predictions * 2 * len(SECTION) * study.impacts)
     points = [
         (
             point,
-            found[point.sample.key],
-            [found[cell.key] for cell in point.predictions if cell.key in found],
+            results[point.sample.key],
+            [results[cell.key] for cell in point.predictions if cell.key in results],
         )
         for point in study.points
-        if point.sample and point.sample.key in found
+        if point.sample and point.sample.key in results
     ]
     errors = join_points(
         _judge_points(study, points, z), ("closure", "kind", "moment", "verdict", "judged")
@@ -239,7 +239,7 @@ def combine(study: Study, found: Mapping[str, Any]) -> Tables:
         correlation=_correlation(study, points),
         validity=find_validity(study, errors[errors["kind"] != ON_ITINERARY]),
         paired=join_points(_pair_neighbours(study, points)),
-        cost=_cost(study, found),
+        cost=_cost(study, results),
         reasons=list_reasons(study),
     )
 
@@ -396,17 +396,17 @@ def _pair_neighbours(
                 yield at | {"from": low, "to": high}, table
 
 
-def _cost(study: Study, found: Mapping[str, Any]) -> pd.DataFrame:
+def _cost(study: Study, results: Mapping[str, Any]) -> pd.DataFrame:
     """Seconds of each cell on the machine that computed it; not reproducible."""
     rows = [
         {
-            **found[cell.key].facts,
+            **results[cell.key].facts,
             **point.coordinates,
             "what": getattr(cell, "closure", "monte carlo"),
         }
         for point in study.points
         for cell in point.cells
-        if cell.key in found
+        if cell.key in results
     ]
     columns = dict.fromkeys([*study.names, "what", "seconds", *FACTS_STORED])
     return pd.DataFrame(rows, columns=[*columns])
