@@ -78,6 +78,7 @@ def study(
     check_folder(wanted, folder, overwrite)
 
     def describe() -> str:
+        """What is stored after an interruption."""
         have = len(wanted.cells) - len(seen.missing(wanted.cells))
         page = ", but their page is not written" if have == len(wanted.cells) else ""
         return (
@@ -162,6 +163,7 @@ def _read_finished(wanted: "rt.Study", seen: Any, folder: Path) -> dict[str, Any
 
 
 def _explain(wanted: "rt.Study", seen: Any, workers: int) -> str:
+    """What is to be computed, and its expected cost, in lines."""
     from rattle.compare.study.cells import Prediction
     from rattle.compare.study.estimate import estimate, expect_work, scaling
     from rattle.compare.study.folder import group_failures

@@ -16,7 +16,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self, TextIO
 
-from rattle.compare.engine.store import LOCKS, Cell, Content, Store, TemporaryStore
+from rattle.compare.engine.store import LOCKS, Cell, Content, Say, Store, TemporaryStore
 from rattle.compare.report.folder import (
     ANY_TEXT,
     check_own,
@@ -63,7 +63,7 @@ class Runner:
         is waited for."""
         self._executor.shutdown(wait=False, cancel_futures=True)
 
-    def check(self, say: Callable[[str], object]) -> None:
+    def check(self, say: Say) -> None:
         """Raise an error if there are no workers any more, and say which do not answer; called
         every now and then."""
 
@@ -189,6 +189,7 @@ class StudyProgress:
         self._count(f"{cell.label} failed")
 
     def _count(self, text: str) -> None:
+        """Advance the line on the terminal by a cell."""
         self._bar.update(1)
         self._bar.set_postfix_str(text)
 
@@ -204,6 +205,7 @@ def run(
     computed: set[str] = set()
 
     def compute(cell: Cell) -> Content:
+        """Compute a cell, and note that it was computed here."""
         content = runner.compute(cell)
         computed.add(cell.key)
         return content

@@ -15,7 +15,7 @@ from dataclasses import replace
 from functools import cache, cached_property
 from importlib import import_module
 from pathlib import Path
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple, TypeAlias
 
 import llvmlite.binding
 import pandas as pd
@@ -66,12 +66,18 @@ SEAL = hashlib.sha256().digest_size
 PARQUET_ENTRY = b"rattle"  # metadata entry of a Parquet file that holds its key and its facts
 
 
+Facts: TypeAlias = dict[str, Any]
+"""Plain data by name, as JSON can hold it."""
+Say: TypeAlias = Callable[[str], object]
+"""Says a line to whoever waits."""
+
+
 class Content(NamedTuple):
     """What the file of a cell holds."""
 
     table: pd.DataFrame
     # plain data with an entry ``seconds``; may hold what is not reproducible, such as times
-    facts: dict[str, Any]
+    facts: Facts
 
 
 class Cell(ABC):
@@ -90,7 +96,7 @@ class Cell(ABC):
 
     @property
     @abstractmethod
-    def settings(self) -> dict[str, Any]:
+    def settings(self) -> Facts:
         """Everything that determines the result besides the scene, with an entry ``kind``."""
 
     @property
@@ -99,7 +105,7 @@ class Cell(ABC):
         return 0.0
 
     @abstractmethod
-    def evaluate(self, blocks: Blocks | None = None) -> tuple[pd.DataFrame, dict[str, Any]]:
+    def evaluate(self, blocks: Blocks | None = None) -> tuple[pd.DataFrame, Facts]:
         """Compute table and facts; `blocks` runs blocks of paths, in this thread one after the
         other by default."""
 
@@ -202,7 +208,7 @@ class Store:
         self,
         cell: Cell,
         compute: Callable[[Cell], Content] = lambda cell: cell.compute(),
-        say: Callable[[str], object] = print_on_stderr,
+        say: Say = print_on_stderr,
     ) -> Any:
         """Read or compute the result of a cell; None, after a pause, while another process or
         thread computes it.
@@ -266,6 +272,7 @@ class Store:
         return "another process"
 
     def _refuse(self, why: str) -> OutputError:
+        """The error for a folder that cannot be used."""
         return OutputError(f"out = {str(self.folder)!r}: {why}")
 
 

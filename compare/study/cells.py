@@ -4,14 +4,14 @@ A cell knows every input that determines its result.  Their digest is its key in
 """
 
 from dataclasses import dataclass, fields, replace
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 import pandas as pd
 
 from rattle.closure import CLOSURES, Closure
 from rattle.closure.mean_map import predict
-from rattle.compare.engine.store import Cell, Content
+from rattle.compare.engine.store import Cell, Content, Facts
 from rattle.compare.validation.errors import followers_of
 from rattle.montecarlo import (
     SCHEMES,
@@ -45,7 +45,7 @@ class Sampled:
     # index ``impact``; columns ``batch_mean_tau, batch_sd_tau, batch_control_tau, ...``, lists over
     # the batches of `rattle.montecarlo.statistics.records`
     batches: pd.DataFrame
-    facts: dict[str, Any]  # `FACTS_STORED` and ``seconds``
+    facts: Facts  # `FACTS_STORED` and ``seconds``
     # the same of the paths on the noise-free itinerary, where asked for
     followers: "Sampled | None" = None
 
@@ -86,7 +86,7 @@ class Sample(Cell):
     near_branches: bool = False
 
     @property
-    def settings(self) -> dict[str, Any]:
+    def settings(self) -> Facts:
         """Everything that determines the result besides the scene, with the default step filled
         in."""
         settings = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "scene"}
@@ -103,7 +103,7 @@ class Sample(Cell):
         plain = self.paths or FEWEST_PATHS
         return plain + max(plain, FEWEST_PATHS) if self.near_branches else plain
 
-    def evaluate(self, blocks: Blocks | None = None) -> tuple[pd.DataFrame, dict[str, Any]]:
+    def evaluate(self, blocks: Blocks | None = None) -> tuple[pd.DataFrame, Facts]:
         """Simulate the ensemble: what is stored of it, a row for each impact."""
         record = Record(batches=True, energy=True, on_itinerary=self.on_itinerary)
         if self.accuracy is not None:
@@ -156,7 +156,7 @@ class Sample(Cell):
         followers = None if apart.empty else self._read_sample(apart, content.facts)
         return replace(self._read_sample(table, content.facts), followers=followers)
 
-    def _read_sample(self, wide: pd.DataFrame, facts: dict[str, Any]) -> Sampled:
+    def _read_sample(self, wide: pd.DataFrame, facts: Facts) -> Sampled:
         """What `_sections` has made a table of."""
         biases = []
         for moment, prefix in (("mean", ""), ("sd", "sd_")):
@@ -242,7 +242,7 @@ class Predicted:
 
     closure: str  # name in `rattle.closure.CLOSURES`
     section: pd.DataFrame  # as `closure.MeanMap.section`, times counted from the phase of the start
-    facts: dict[str, Any]  # ``found`` (impacts), ``seconds``
+    facts: Facts  # ``found`` (impacts), ``seconds``
     followers: "Predicted | None" = None  # the same of the paths on its itinerary, where asked for
 
 
@@ -265,7 +265,7 @@ class Prediction(Cell):
         return CLOSURES[self.closure] if self.own is None else self.own
 
     @property
-    def settings(self) -> dict[str, Any]:
+    def settings(self) -> Facts:
         """Everything that determines the result besides the scene."""
         names = ("impacts", "closure", "order", "on_itinerary")
         settings = {"kind": "prediction"} | {name: getattr(self, name) for name in names}
@@ -281,7 +281,7 @@ class Prediction(Cell):
         """Expected cost, with all components of a mixture."""
         return self.method.most_seconds(self.impacts)
 
-    def evaluate(self, blocks: Blocks | None = None) -> tuple[pd.DataFrame, dict[str, Any]]:
+    def evaluate(self, blocks: Blocks | None = None) -> tuple[pd.DataFrame, Facts]:
         """Evaluate the closure."""
         prediction = predict(self.scene, self.method, self.impacts, self.order).phase_reduced
         if prediction.trace.raised:

@@ -11,14 +11,14 @@ from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from importlib import import_module
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 import pandas as pd
 
 from rattle.closure import Closure
 from rattle.closure.mean_map import find_closure
-from rattle.compare.engine.store import Cell, Store
+from rattle.compare.engine.store import Cell, Facts, Store
 from rattle.compare.validation.verdict import Tolerances
 from rattle.scene import (
     Gears,
@@ -59,6 +59,12 @@ ORDER_FIELD = re.compile(r"drive\.([1-9][0-9]*)\.(amplitude|phase)")
 """A field of one order of the drive, such as ``drive.2.amplitude``."""
 MOST_GRID_POINTS = 100_000  # largest number of grid points of a study
 AXIS_EXAMPLE = "write { log = [0.001, 2.0, 24] }, { linear = [0.5, 1.5, 11] } or a list of values"
+
+
+Coordinates: TypeAlias = dict[str, Any]
+"""The value of each field that varies, at a point of the grid."""
+Placed: TypeAlias = tuple[Coordinates, pd.DataFrame]
+"""A table with the coordinates of its point."""
 
 
 class Axis(NamedTuple):
@@ -118,7 +124,7 @@ def read_axes(tables: Sequence[Mapping[str, Any]], gears: Gears | None = None) -
     return tuple(axes)
 
 
-def combination(axes: Sequence[Axis], number: int) -> dict[str, Any]:
+def combination(axes: Sequence[Axis], number: int) -> Coordinates:
     """Give one point of the grid by its index, the last axis running fastest."""
     steps = np.unravel_index(number, [len(axis.values) for axis in axes])
     return {
@@ -129,6 +135,7 @@ def combination(axes: Sequence[Axis], number: int) -> dict[str, Any]:
 
 
 def _values(name: str, given: Any) -> tuple[Any, ...]:
+    """Read the values of a field along an axis: a list, or evenly spaced ones."""
     field = f"axes.{name}"
     if isinstance(given, Mapping):
         check_keys(field, given, ("linear", "log"))
@@ -187,7 +194,7 @@ the ``WORDS`` that it explains.
 class Point:
     """One point of the grid."""
 
-    coordinates: dict[str, Any]  # value of each field that varies
+    coordinates: Coordinates
     # the simulation, of an ensemble or of the long run; None if the scene or the settings cannot be
     # simulated
     sample: Any
@@ -259,12 +266,12 @@ class Study:
     [0.01, 0.0316228, 0.1]
     """
 
-    base: dict[str, Any]
+    base: Facts
     axes: tuple[Axis, ...]
     closures: tuple[str | Closure | Callable[..., Any], ...]
     impacts: int
     order: int
-    settings: dict[str, Any]
+    settings: Facts
     common_noise: bool
     within: Tolerances
     on_itinerary: bool = False
@@ -337,9 +344,7 @@ class Study:
         name = choice("study.kind", given.get("kind", cls.kind), tuple(STUDY_KINDS))
         kind = kind_of(name)
         check_keys("study", given, ("kind", "title", *kind.KEYS))
-        parts: dict[str, Any] = {
-            part: data[part] for part in ("gears", "scene", "drive") if part in data
-        }
+        parts: Facts = {part: data[part] for part in ("gears", "scene", "drive") if part in data}
         scene = Scene.from_dict(parts)
         axes = read_axes(data.get("axes", []), scene.gears)
         return cls(
@@ -459,7 +464,7 @@ def page_of(study: Study) -> Any:
     return import_module(kind_of(study.kind).PAGE)
 
 
-def read_results(study: Study, store: Store) -> dict[str, Any]:
+def read_results(study: Study, store: Store) -> Facts:
     """Read the results of a study that are stored, by key."""
     return {cell.key: result for cell in study.cells if (result := store.read(cell)) is not None}
 
@@ -479,35 +484,33 @@ def list_reasons(study: Study) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=[*study.names, "what", "why"])
 
 
-def with_coordinates(coordinates: Mapping[str, Any], table: pd.DataFrame) -> pd.DataFrame:
+def with_coordinates(coordinates: Coordinates, table: pd.DataFrame) -> pd.DataFrame:
     """Put the coordinates of a point before the columns of its table; they replace columns of the
     same name."""
     columns = dict.fromkeys([*coordinates, *table])
     return table.assign(**coordinates)[[*columns]]
 
 
-def join_points(
-    tables: Iterable[tuple[Mapping[str, Any], pd.DataFrame]], columns: Sequence[str] = ()
-) -> pd.DataFrame:
+def join_points(tables: Iterable[Placed], columns: Sequence[str] = ()) -> pd.DataFrame:
     """Join the tables of points, each with its coordinates; without any, a table of these
     columns."""
     parts = [with_coordinates(coordinates, table) for coordinates, table in tables]
     return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame(columns=[*columns])
 
 
-def table_of(scene: Scene, own_start: bool = True) -> dict[str, Any]:
+def table_of(scene: Scene, own_start: bool = True) -> Facts:
     """A scene as one table, its drive within, without the gears: an axis may vary what they fix.
 
     Without a start of its own, that of the paper follows the gaps.
     """
     whole = replace(scene, gears=None).to_dict()
-    table: dict[str, Any] = whole.pop("scene") | whole
+    table: Facts = whole.pop("scene") | whole
     if not own_start:
         table.pop("start", None)
     return table
 
 
-def make_scene(base: dict[str, Any], coordinates: Mapping[str, Any]) -> Scene:
+def make_scene(base: Facts, coordinates: Coordinates) -> Scene:
     """The scene of such a table with values replaced; a dotted name is a field of a nested
     table."""
     table = copy.deepcopy(base)

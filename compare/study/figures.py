@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
 
 from rattle.compare.report.style import STYLE, SYMBOL, legend_above, new_figure, whole_impacts
-from rattle.compare.study.design import Study
+from rattle.compare.study.design import Placed, Study
 from rattle.compare.validation.verdict import ACCURATE_UP_TO, ENDED, NOT_WRONG, WRONG, Verdict, want
 
 GREEK = {
@@ -47,7 +47,7 @@ def _draw_band(ax: Axes, x: Any, y: Any, low: Any, high: Any, **style: Any) -> N
     ax.fill_between(x, low, high, color=style["color"], alpha=BAND, lw=0)
 
 
-def _by_impact(rows: pd.DataFrame, r: Any) -> Iterator[tuple[dict[str, Any], pd.DataFrame]]:
+def _by_impact(rows: pd.DataFrame, r: Any) -> Iterator[Placed]:
     """The rows of a few impacts in the order of the field that varies, each with colour and
     label."""
     for impact, colour in zip(_pick_impacts(r.study.impacts), IMPACT_COLOURS, strict=False):
@@ -291,9 +291,7 @@ STUDY_FIGURES = {
 """All figures by name."""
 
 
-def panels(
-    study: Study, table: pd.DataFrame, most: int = 6
-) -> Iterator[tuple[dict[str, Any], pd.DataFrame]]:
+def panels(study: Study, table: pd.DataFrame, most: int = 6) -> Iterator[Placed]:
     """Split a table into parts in which all fields but the first that varies are fixed, one for
     each figure."""
     if not study.along or table.empty:

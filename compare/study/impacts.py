@@ -13,6 +13,7 @@ import pandas as pd
 
 from rattle.closure import CLOSURES
 from rattle.closure.mean_map import ORDER_RANGE, find_closures
+from rattle.compare.engine.store import Facts
 from rattle.compare.study.cells import (
     BATCH,
     FACTS_STORED,
@@ -22,7 +23,14 @@ from rattle.compare.study.cells import (
     Sampled,
     check_sample,
 )
-from rattle.compare.study.design import SETTING_NAMES, Point, Study, join_points, list_reasons
+from rattle.compare.study.design import (
+    SETTING_NAMES,
+    Placed,
+    Point,
+    Study,
+    join_points,
+    list_reasons,
+)
 from rattle.compare.validation.errors import (
     ON_ITINERARY,
     follower_errors,
@@ -90,7 +98,7 @@ class Tables:
     """
 
     study: Study
-    record: dict[str, Any]
+    record: Facts
     errors: pd.DataFrame
     sections: pd.DataFrame
     correlation: pd.DataFrame
@@ -245,14 +253,13 @@ def combine(study: Study, results: Mapping[str, Any]) -> Tables:
 
 
 def _digest(table: pd.DataFrame) -> str:
+    """Compute a digest of the values of a table."""
     return hashlib.sha256(
         pd.util.hash_pandas_object(table, index=False).to_numpy().tobytes()
     ).hexdigest()
 
 
-def _judge_points(
-    study: Study, points: list[Triple], z: float
-) -> Iterator[tuple[dict[str, Any], pd.DataFrame]]:
+def _judge_points(study: Study, points: list[Triple], z: float) -> Iterator[Placed]:
     """Every section mean and sd of every closure at every point: error, interval, verdict.
 
     Columns: those of `rattle.compare.validation.errors.section_errors`.
@@ -372,9 +379,7 @@ def find_validity(study: Study, errors: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(rows).astype({"accurate": float, "not_inaccurate": float})
 
 
-def _pair_neighbours(
-    study: Study, points: list[Triple]
-) -> Iterator[tuple[dict[str, Any], pd.DataFrame]]:
+def _pair_neighbours(study: Study, points: list[Triple]) -> Iterator[Placed]:
     """Differences between neighbours along `along`, with standard errors that use the common random
     numbers.
 
@@ -412,7 +417,7 @@ def _cost(study: Study, results: Mapping[str, Any]) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=[*columns])
 
 
-def read(given: Mapping[str, Any], varying: set[str]) -> dict[str, Any]:
+def read(given: Mapping[str, Any], varying: set[str]) -> Facts:
     """Read the fields of `Study` that ``[study]`` gives."""
     settings = {name: given[name] for name in SETTING_NAMES if name in given}
     for name, value in settings.items():
@@ -435,7 +440,7 @@ def read(given: Mapping[str, Any], varying: set[str]) -> dict[str, Any]:
 
 
 def cells(
-    study: Study, scene: Scene, settings: dict[str, Any]
+    study: Study, scene: Scene, settings: Facts
 ) -> tuple[Sample | None, tuple[Prediction, ...], dict[str, str]]:
     """The ensemble of a point, the predictions of the closures that cover its scene, and what
     cannot be computed.
@@ -467,6 +472,7 @@ def cells(
 
 
 def _closures(given: Any) -> tuple[str, ...]:
+    """Read the names of closures, each once."""
     if not isinstance(given, list | tuple) or not given:
         why = f"give a list of {', '.join(CLOSURES)}, or package.module:function of your own"
         raise InputError("study.closures", given, why)
@@ -476,12 +482,14 @@ def _closures(given: Any) -> tuple[str, ...]:
 
 
 def _flag(field: str, value: Any) -> bool:
+    """Read a field that is true or false."""
     if not isinstance(value, bool):
         raise InputError(field, value, "give true or false")
     return value
 
 
 def _within(given: Any) -> Tolerances:
+    """Read the tolerances."""
     if not isinstance(given, Mapping):
         raise InputError(
             "study.within", given, "write it as a table: within = { mean = 0.05, sd = 0.10 }"

@@ -109,10 +109,10 @@ def find_parameter(scene: Scene, name: str, asked: str = "over") -> Parameter:
 
 def _at(scene: Scene, name: str) -> Callable[[float], Scene]:
     """The scene as a function of one of its parameters."""
-
     base = table_of(scene, own_start=not name.startswith("gap") or has_own_start(scene))
 
     def changed(value: float) -> Scene:
+        """The scene with this value of the parameter."""
         if is_value(name, scene.gears):
             return scene_with(scene, {name: value})
         return replace(make_scene(base, {name: value}), gears=scene.gears)
