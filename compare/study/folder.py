@@ -33,7 +33,7 @@ from rattle.compare.report.texts import glossary
 from rattle.compare.study.design import STUDY_KINDS, Coordinates, Point, Study, kind_of, page_of
 from rattle.compare.validation.verdict import Verdict
 from rattle.scene import FileError, OutputError, RattleError
-from rattle.scene.files import parse_json, read_regular, read_text
+from rattle.scene.files import read_text
 from rattle.scene.numpy_errors import numpy_defaults
 
 FILE = "study.toml"
@@ -143,11 +143,8 @@ def _read_table(path: Path) -> pd.DataFrame:
 
 def _read_record(folder: Path) -> Facts:
     """Read the manifest of a finished study."""
-    try:
-        record = parse_json(read_regular(folder / MANIFEST))
-    except (OSError, ValueError):
-        record = None
-    if not isinstance(record, dict):
+    record = read_own_manifest(folder)
+    if record is None:
         raise FileError(
             "study folder", str(folder), "holds no finished study; give the folder of one"
         )

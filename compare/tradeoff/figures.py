@@ -129,8 +129,8 @@ def _scheme(ax: Axes, scheme: str, rows: pd.DataFrame, slope: float) -> Artist:
     ax.plot(x, y, ls="--", lw=1.3, color=style["color"])
     for i in np.flatnonzero(measured[:-1] & measured[1:]):
         ax.plot(x[i : i + 2], y[i : i + 2], ls="-", lw=1.8, color=style["color"])
-    ax.plot(x[measured], y[measured], ls="none", ms=7, **style)
-    ax.plot(x[~measured], y[~measured], ls="none", ms=7, mfc="white", **style)
+    for points, face in ((measured, style["color"]), (~measured, "white")):
+        ax.plot(x[points], y[points], ls="none", ms=7, mfc=face, **style)
     ax.plot(missed["core_seconds"], missed["error"], ls="none", ms=7, alpha=0.35, **style)
     grows = "" if np.isnan(slope) else rf", cost $\propto$ error$^{{{slope:.1f}}}$"
     return Line2D([], [], ms=7, lw=1.8, label=scheme + grows, **style)

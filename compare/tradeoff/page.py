@@ -2,7 +2,7 @@
 figures."""
 
 from itertools import zip_longest
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 import pandas as pd
@@ -32,6 +32,8 @@ from rattle.montecarlo.settings import EXACT_SCHEME
 from rattle.scene import duration_text
 
 EULER_MARUYAMA = "euler-maruyama"
+Costs: TypeAlias = list[dict[str, Any]]
+"""What each accuracy costs, from the roughest to the finest, as `_list_costs` gives it."""
 
 
 def cheapest(points: pd.DataFrame, accuracy: float) -> dict[str, Any]:
@@ -47,7 +49,7 @@ def cheapest(points: pd.DataFrame, accuracy: float) -> dict[str, Any]:
     return best
 
 
-def _list_costs(m: Tradeoff) -> list[dict[str, Any]]:
+def _list_costs(m: Tradeoff) -> Costs:
     """The cheapest method for each accuracy, and what the section means alone take: multilevel
     Monte Carlo of each scheme, and exact flights."""
     exact = m.models[EXACT_SCHEME]
@@ -69,7 +71,7 @@ def _list_costs(m: Tradeoff) -> list[dict[str, Any]]:
     return costs
 
 
-def answer(m: Tradeoff, costs: list[dict[str, Any]]) -> list[str]:
+def answer(m: Tradeoff, costs: Costs) -> list[str]:
     """What to take, where a closure is cheapest, the cost of plain Euler-Maruyama, and whether
     multilevel Monte Carlo is anywhere cheaper."""
     exact = m.models[EXACT_SCHEME]
@@ -106,7 +108,7 @@ def answer(m: Tradeoff, costs: list[dict[str, Any]]) -> list[str]:
 TRADEOFF_WORDS = (*CLOSURE_TERMS, *SECTION_TERMS, *SCHEME_TERMS, "standard error", "σ")
 
 
-def _parts(m: Tradeoff, costs: list[dict[str, Any]]) -> dict[str, Any]:
+def _parts(m: Tradeoff, costs: Costs) -> dict[str, Any]:
     """The tables and words of the page, by name."""
     p = m.points
     p = p.assign(
