@@ -78,6 +78,7 @@ def study(
     check_folder(wanted, folder, overwrite)
 
     def describe() -> str:
+        """What is stored after an interruption."""
         have = len(wanted.cells) - len(seen.missing(wanted.cells))
         page = ", but their page is not written" if have == len(wanted.cells) else ""
         return (
@@ -93,8 +94,9 @@ def study(
     if as_json:
         say_json(record)
     else:
-        page = [f"Page: {folder / 'study.html'}"] if "files" in record else []
-        say_lines((*record["answer"], *page))
+        say_lines(record["answer"])
+        if "files" in record:
+            say(f"Page: {folder / 'study.html'}")
     failures = group_failures(wanted.points, record.get("failed", {}))
     for failure in failures:
         say(f"rattle: {failure}", err=True)
@@ -125,8 +127,12 @@ def _compute(
     started = time.perf_counter()
     runner = Cluster(scheduler) if scheduler else Runner(workers)
     outcome = run(wanted.cells, store, runner, show=True)
-    facts: dict[str, Any] = {"computed": outcome.computed, "failed": outcome.failed}
-    facts |= {name: round(getattr(outcome, name), 2) for name in ("wall_seconds", "cell_seconds")}
+    facts = {
+        "computed": outcome.computed,
+        "failed": outcome.failed,
+        "wall_seconds": round(outcome.wall_seconds, 2),
+        "cell_seconds": round(outcome.cell_seconds, 2),
+    }
     results = read_results(wanted, store)
     tables = combine(wanted, results)
     if outcome.failed and tables.empty:
@@ -157,6 +163,7 @@ def _read_finished(wanted: "rt.Study", seen: Any, folder: Path) -> dict[str, Any
 
 
 def _explain(wanted: "rt.Study", seen: Any, workers: int) -> str:
+    """What is to be computed, and its expected cost, in lines."""
     from rattle.compare.study.cells import Prediction
     from rattle.compare.study.estimate import estimate, expect_work, scaling
     from rattle.compare.study.folder import group_failures
@@ -166,32 +173,25 @@ def _explain(wanted: "rt.Study", seen: Any, workers: int) -> str:
     cells = [cell for point in points for cell in point.cells] if sampled else wanted.cells
 
     def times(cell: object) -> float:
-        return (
-            (wanted.scenes if isinstance(cell, Prediction) else wanted.size) / len(points)
-            if sampled
-            else 1.0
-        )
+        """How many cells of the study a cell represents."""
+        scenes = wanted.scenes if isinstance(cell, Prediction) else wanted.size
+        return scenes / len(points) if sampled else 1.0
 
-    todo = [c for c in cells if not seen.path(c).is_file()] if seen.folder.is_dir() else cells
-    each = expect_work(todo)
-    work = estimate(todo, each, workers, times)
+    todo = seen.missing(cells)
+    work_of_each = expect_work(todo)
+    work = estimate(todo, work_of_each, workers, times)
     number, left = (f"{'about ' * sampled}{sum(map(times, some)):.0f}" for some in (cells, todo))
     lines = [f"{line(wanted.title)}: {wanted.size} points, {number} cells, {left} to compute."]
     if sampled:
         lines.append(
             f"  estimated from {len(points)} points, chosen at random; --status counts all"
         )
-    lines += [
-        f"  {name}: {len(axis.values)} values, {line(str(axis.values[0][i]))} to"
-        f" {line(str(axis.values[-1][i]))}"
-        + (
-            f" (with {', '.join(n for n in axis.names if n != name)})"
-            if len(axis.names) > 1
-            else ""
-        )
-        for axis in wanted.axes
-        for i, name in enumerate(axis.names)
-    ]
+    for axis in wanted.axes:
+        for name, values in zip(axis.names, zip(*axis.values, strict=True), strict=True):
+            ends = f"{line(str(values[0]))} to {line(str(values[-1]))}"
+            others = ", ".join(other for other in axis.names if other != name)
+            beside = f" (with {others})" if others else ""
+            lines.append(f"  {name}: {len(values)} values, {ends}{beside}")
     lines += [f"  {line(str(failure))}" for failure in group_failures(points, {})]
     lines.append(
         f"About {work.core_seconds:.0f} core-seconds of counted work at nominal costs"
@@ -200,6 +200,6 @@ def _explain(wanted: "rt.Study", seen: Any, workers: int) -> str:
         " minute besides."
     )
     lines.append("Expected time on more cores (Dask):")
-    seconds = {key: one.core_seconds for key, one in each.items()}
+    seconds = {key: expected.core_seconds for key, expected in work_of_each.items()}
     lines.append(scaling(todo, seconds, times).to_string(index=False, float_format="{:.3g}".format))
     return "\n".join(lines)

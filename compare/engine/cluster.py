@@ -16,7 +16,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any, Self
 
 from rattle.compare.engine.run import Runner
-from rattle.compare.engine.store import numerical_version
+from rattle.compare.engine.store import Say, numerical_version
 from rattle.scene import InputError, RattleError
 from rattle.scene.sources import PACKAGES, describe_difference, sources_in
 
@@ -26,8 +26,8 @@ if TYPE_CHECKING:
 
 def check_address(address: str) -> None:
     """Check the form of a scheduler's address."""
-    found = re.fullmatch(r"(tcp|tls)://(\[[0-9a-fA-F:.]+\]|[\w.-]+):(\d{1,5})", address)
-    if not found or not 0 < int(found[3]) < 2**16:
+    parts = re.fullmatch(r"(tcp|tls)://(\[[0-9a-fA-F:.]+\]|[\w.-]+):(\d{1,5})", address)
+    if not parts or not 0 < int(parts[3]) < 2**16:
         raise InputError(
             "scheduler",
             address,
@@ -161,7 +161,7 @@ class Cluster(Runner):
         with suppress(Exception):  # the scheduler may be gone already
             self._executor.shutdown(wait=False)
 
-    def check(self, say: Callable[[str], object]) -> None:
+    def check(self, say: Say) -> None:
         """Notice a scheduler or workers that are gone or do not answer: Dask itself would wait for
         ever."""
         if time.monotonic() - self._looked < WATCH:
@@ -179,17 +179,11 @@ class Cluster(Runner):
             raise self._loss(
                 f"has had no workers for {self.patience:.0f} s: start some (dask worker ADDRESS)"
             )
-        before = self._heartbeats
         beats = {address: worker["last_seen"] for address, worker in identity["workers"].items()}
-        self._heartbeats = {
-            address: (
-                before[address] if address in before and before[address][0] == beat else (beat, now)
-            )
-            for address, beat in beats.items()
-        }
-        silent = [
-            address for address, (_, heard) in self._heartbeats.items() if now - heard > SILENCE
-        ]
+        for address, beat in beats.items():
+            if self._heartbeats.get(address, (None, now))[0] != beat:
+                self._heartbeats[address] = (beat, now)
+        silent = [address for address in beats if now - self._heartbeats[address][1] > SILENCE]
         if len(silent) < len(beats):
             self._replace(silent, say)
         elif silent and not self._all_silent:
@@ -199,7 +193,7 @@ class Cluster(Runner):
             )
         self._all_silent = len(silent) == len(beats)
 
-    def _replace(self, silent: Iterable[str], say: Callable[[str], object]) -> None:
+    def _replace(self, silent: Iterable[str], say: Say) -> None:
         """Give the work of some workers to the others."""
         for address in silent:
             say(
@@ -225,12 +219,14 @@ class Cluster(Runner):
         return super().reason(error)
 
     def _loss(self, why: str) -> Lost:
+        """The error for a cluster that was lost during the work."""
         return Lost(
             f"scheduler = {self.address!r}: {why}; finished results are kept; run the same command"
             " again to continue"
         )
 
     def _refuse(self, why: str) -> InputError:
+        """The error for a cluster that cannot be used from the beginning."""
         return InputError("scheduler", self.address, why)
 
 
@@ -247,10 +243,10 @@ def compute_checked(version: str, work: Callable[..., Any], *given: Any) -> Any:
 
     if change := describe_difference(sources_in(*PACKAGES)):
         raise Lost(f"worker {get_worker().address}: {change}: start it again")
-    if (own := numerical_version()) != version:
+    if (version_here := numerical_version()) != version:
         worker = get_worker().address
         raise Lost(
-            f"worker {worker} has numerical version {own}, here it is {version}: install the same"
-            " there"
+            f"worker {worker} has numerical version {version_here}, here it is {version}: install"
+            " the same there"
         )
     return work(*given)

@@ -16,7 +16,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self, TextIO
 
-from rattle.compare.engine.store import LOCKS, Cell, Content, Store, TemporaryStore
+from rattle.compare.engine.store import LOCKS, Cell, Content, Say, Store, TemporaryStore
 from rattle.compare.report.folder import (
     ANY_TEXT,
     check_own,
@@ -63,7 +63,7 @@ class Runner:
         is waited for."""
         self._executor.shutdown(wait=False, cancel_futures=True)
 
-    def check(self, say: Callable[[str], object]) -> None:
+    def check(self, say: Say) -> None:
         """Raise an error if there are no workers any more, and say which do not answer; called
         every now and then."""
 
@@ -77,8 +77,8 @@ class Runner:
         """Compute a cell."""
         if cell.splits:
             return cell.compute(in_tasks(self.submit, self.workers, self.share))
-        found: Content = self.submit(cell.compute).result()
-        return found
+        content: Content = self.submit(cell.compute).result()
+        return content
 
 
 def check_log(folder: Path) -> None:
@@ -123,14 +123,13 @@ class StudyProgress:
         # error message of each cell that could not be computed, by key
         self.failed: dict[str, str] = {}
         self._show, self._started = show, time.perf_counter()
+        self._file: TextIO = io.StringIO()
         if folder is not None:
             check_log(folder)
-        try:
-            self._file: TextIO = io.StringIO()
-            if folder is not None:
+            try:
                 self._file = open(folder / LOG_FILE, "a", encoding="utf-8", buffering=1)  # noqa: SIM115  (see __exit__)
-        except OSError as error:
-            raise describe_refusal(Path(folder or "", LOG_FILE), error) from None
+            except OSError as error:
+                raise describe_refusal(folder / LOG_FILE, error) from None
         self._bar = ProgressBar(
             total=stored + len(todo),
             initial=stored,
@@ -174,14 +173,14 @@ class StudyProgress:
     def finish(self, cell: Cell, result: Any, here: bool) -> None:
         """Count a finished cell, computed here or by another process."""
         seconds = float(result.facts["seconds"])
-        said = cell.describe(result)
+        description = cell.describe(result)
         self.computed += here
         self.cell_seconds += seconds * here
         self.log(
             f"{'done' if here else 'found'} {cell.label} {cell.key}: {seconds:.2f} s"
-            + f", {said}" * bool(said)
+            + f", {description}" * bool(description)
         )
-        self._count(f"{cell.label}: {said or 'done'}")
+        self._count(f"{cell.label}: {description or 'done'}")
 
     def fail(self, cell: Cell, why: str) -> None:
         """Count and report a cell that cannot be computed."""
@@ -190,6 +189,7 @@ class StudyProgress:
         self._count(f"{cell.label} failed")
 
     def _count(self, text: str) -> None:
+        """Advance the line on the terminal by a cell."""
         self._bar.update(1)
         self._bar.set_postfix_str(text)
 
@@ -205,6 +205,7 @@ def run(
     computed: set[str] = set()
 
     def compute(cell: Cell) -> Content:
+        """Compute a cell, and note that it was computed here."""
         content = runner.compute(cell)
         computed.add(cell.key)
         return content
@@ -226,10 +227,10 @@ def run(
                     cell = running.pop(future)
                     if error := future.exception():
                         progress.fail(cell, runner.reason(error))
-                    elif (found := future.result()) is None:  # another process computes it
+                    elif (result := future.result()) is None:  # another process computes it
                         todo.append(cell)
                     else:
-                        progress.finish(cell, found, cell.key in computed)
+                        progress.finish(cell, result, cell.key in computed)
         except KeyboardInterrupt:
             if folder is None:
                 raise

@@ -15,7 +15,7 @@ from dataclasses import replace
 from functools import cache, cached_property
 from importlib import import_module
 from pathlib import Path
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple, TypeAlias
 
 import llvmlite.binding
 import pandas as pd
@@ -66,12 +66,18 @@ SEAL = hashlib.sha256().digest_size
 PARQUET_ENTRY = b"rattle"  # metadata entry of a Parquet file that holds its key and its facts
 
 
+Facts: TypeAlias = dict[str, Any]
+"""Plain data by name, as JSON can hold it."""
+Say: TypeAlias = Callable[[str], object]
+"""Says a line to whoever waits."""
+
+
 class Content(NamedTuple):
     """What the file of a cell holds."""
 
     table: pd.DataFrame
     # plain data with an entry ``seconds``; may hold what is not reproducible, such as times
-    facts: dict[str, Any]
+    facts: Facts
 
 
 class Cell(ABC):
@@ -90,7 +96,7 @@ class Cell(ABC):
 
     @property
     @abstractmethod
-    def settings(self) -> dict[str, Any]:
+    def settings(self) -> Facts:
         """Everything that determines the result besides the scene, with an entry ``kind``."""
 
     @property
@@ -99,7 +105,7 @@ class Cell(ABC):
         return 0.0
 
     @abstractmethod
-    def evaluate(self, blocks: Blocks | None = None) -> tuple[pd.DataFrame, dict[str, Any]]:
+    def evaluate(self, blocks: Blocks | None = None) -> tuple[pd.DataFrame, Facts]:
         """Compute table and facts; `blocks` runs blocks of paths, in this thread one after the
         other by default."""
 
@@ -202,24 +208,24 @@ class Store:
         self,
         cell: Cell,
         compute: Callable[[Cell], Content] = lambda cell: cell.compute(),
-        say: Callable[[str], object] = print_on_stderr,
+        say: Say = print_on_stderr,
     ) -> Any:
         """Read or compute the result of a cell; None, after a pause, while another process or
         thread computes it.
 
         After about a second that process is named, once.
         """
-        if (found := self.read(cell)) is not None:
-            return found
+        if (result := self.read(cell)) is not None:
+            return result
         with self.alone(cell.key) as alone:
             if alone:
                 # it may have been stored just before the lock was taken
-                if (found := self.read(cell)) is None:
+                if (result := self.read(cell)) is None:
                     self.check_sources(cell)
                     content = compute(cell)
                     self.write(cell, content)
-                    found = cell.restore(content)
-                return found
+                    result = cell.restore(content)
+                return result
         time.sleep(PAUSE)
         who = self._holder(cell.key)
         self._tries[who] += 1
@@ -230,9 +236,9 @@ class Store:
     def obtain(self, cell: Cell, *how: Any) -> Any:
         """Read or compute the result of a cell as `attempt` does, waiting for another process that
         computes it."""
-        while (found := self.attempt(cell, *how)) is None:
+        while (result := self.attempt(cell, *how)) is None:
             pass
-        return found
+        return result
 
     @contextmanager
     def alone(self, key: str) -> Iterator[bool]:
@@ -266,6 +272,7 @@ class Store:
         return "another process"
 
     def _refuse(self, why: str) -> OutputError:
+        """The error for a folder that cannot be used."""
         return OutputError(f"out = {str(self.folder)!r}: {why}")
 
 
@@ -305,12 +312,12 @@ def open_store(folder: Path | str | None) -> Store:
 def _parse(key: str, content: bytes) -> Content:
     """The result in a file's content; raises an error of some kind if there is none."""
     with pq.ParquetFile(pa.BufferReader(_without_seal(content))) as file:
-        found = file.read(use_threads=False)
-    record = json.loads(found.schema.metadata[PARQUET_ENTRY])
+        table = file.read(use_threads=False)
+    record = json.loads(table.schema.metadata[PARQUET_ENTRY])
     if record["key"] != key:
         raise ValueError("belongs to another key")
     float(record["facts"]["seconds"])
-    return Content(found.to_pandas(use_threads=False), record["facts"])
+    return Content(table.to_pandas(use_threads=False), record["facts"])
 
 
 def with_seal(parquet: bytes) -> bytes:

@@ -4,14 +4,14 @@ A cell knows every input that determines its result.  Their digest is its key in
 """
 
 from dataclasses import dataclass, fields, replace
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 import pandas as pd
 
 from rattle.closure import CLOSURES, Closure
 from rattle.closure.mean_map import predict
-from rattle.compare.engine.store import Cell, Content
+from rattle.compare.engine.store import Cell, Content, Facts
 from rattle.compare.validation.errors import followers_of
 from rattle.montecarlo import (
     SCHEMES,
@@ -45,7 +45,7 @@ class Sampled:
     # index ``impact``; columns ``batch_mean_tau, batch_sd_tau, batch_control_tau, ...``, lists over
     # the batches of `rattle.montecarlo.statistics.records`
     batches: pd.DataFrame
-    facts: dict[str, Any]  # `FACTS_STORED` and ``seconds``
+    facts: Facts  # `FACTS_STORED` and ``seconds``
     # the same of the paths on the noise-free itinerary, where asked for
     followers: "Sampled | None" = None
 
@@ -86,7 +86,7 @@ class Sample(Cell):
     near_branches: bool = False
 
     @property
-    def settings(self) -> dict[str, Any]:
+    def settings(self) -> Facts:
         """Everything that determines the result besides the scene, with the default step filled
         in."""
         settings = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "scene"}
@@ -103,27 +103,25 @@ class Sample(Cell):
         plain = self.paths or FEWEST_PATHS
         return plain + max(plain, FEWEST_PATHS) if self.near_branches else plain
 
-    def evaluate(self, blocks: Blocks | None = None) -> tuple[pd.DataFrame, dict[str, Any]]:
+    def evaluate(self, blocks: Blocks | None = None) -> tuple[pd.DataFrame, Facts]:
         """Simulate the ensemble: what is stored of it, a row for each impact."""
-        record: dict[str, Any] = {
-            "batches": True,
-            "energy": True,
-            "on_itinerary": self.on_itinerary,
-        }
+        record = Record(batches=True, energy=True, on_itinerary=self.on_itinerary)
         if self.accuracy is not None:
-            common: dict[str, Any] = {
-                "impacts": self.impacts,
-                "rng": self.seed,
-                "scheme": self.scheme,
-            }
-            common |= {"record": Record(**record), "sampling": Sampling(blocks=blocks)}
-            run = simulate_to(self.scene.phase_reduced, self.accuracy, **common)
+            run = simulate_to(
+                self.scene.phase_reduced,
+                self.accuracy,
+                impacts=self.impacts,
+                rng=self.seed,
+                scheme=self.scheme,
+                record=record,
+                sampling=Sampling(blocks=blocks),
+            )
             # where it stopped depends on wall time: not repeatable
             if run.reach is not None and not run.reach.reached:
                 raise InputError("accuracy", self.accuracy, run.reach.sentence)
         else:
             assert self.paths is not None
-            run = self.simulate(self.paths, blocks, **record)
+            run = self.simulate(self.paths, blocks, record)
             if self.near_branches and self.scene.sigma > 0.0:
                 run = begin_rare(run, max(run.paths, FEWEST_PATHS), blocks or in_threads(1)) or run
         parts = [_sections(run)]
@@ -131,18 +129,21 @@ class Sample(Cell):
             parts.append(_sections(followers_of(run)).add_prefix(FOLLOWERS))
         return pd.concat(parts, axis=1), {name: getattr(run, name) for name in FACTS_STORED}
 
-    def simulate(self, paths: int, blocks: Blocks | None = None, **record: Any) -> Ensemble:
+    def simulate(
+        self, paths: int, blocks: Blocks | None = None, record: Record | None = None
+    ) -> Ensemble:
         """Simulate a number of paths of it, with the step bias where the scheme has one."""
         biased = SCHEMES[self.scheme].has_step_bias
-        sampling = Sampling(control=not biased and small_noise(self.scene), blocks=blocks)
-        common: dict[str, Any] = {
-            "impacts": self.impacts,
-            "dt": self.dt,
-            "rng": self.seed,
-            "scheme": self.scheme,
-        }
-        common |= {"sampling": sampling, "record": Record(step_bias=biased, **record)}
-        return simulate(self.scene.phase_reduced, paths=paths, **common)
+        return simulate(
+            self.scene.phase_reduced,
+            paths=paths,
+            impacts=self.impacts,
+            dt=self.dt,
+            rng=self.seed,
+            scheme=self.scheme,
+            sampling=Sampling(control=not biased and small_noise(self.scene), blocks=blocks),
+            record=replace(record or Record(), step_bias=biased),
+        )
 
     def describe(self, result: Sampled) -> str:
         """The largest standard error."""
@@ -151,28 +152,26 @@ class Sample(Cell):
 
     def restore(self, content: Content) -> Sampled:
         """Turn a stored result back into section moments."""
-        every, apart = split_followers(content.table)
-        found = self._read_sample(every, content.facts)
-        return (
-            found
-            if apart.empty
-            else replace(found, followers=self._read_sample(apart, content.facts))
-        )
+        table, apart = split_followers(content.table)
+        followers = None if apart.empty else self._read_sample(apart, content.facts)
+        return replace(self._read_sample(table, content.facts), followers=followers)
 
-    def _read_sample(self, wide: pd.DataFrame, facts: dict[str, Any]) -> Sampled:
+    def _read_sample(self, wide: pd.DataFrame, facts: Facts) -> Sampled:
         """What `_sections` has made a table of."""
-        batches = wide.filter(regex="^batch_")
-        section = wide.iloc[:, : wide.columns.get_loc("bias_tau")]
-        rows = [
-            wide[[f"{c}_{name}" for c in BIAS]]
-            .set_axis(list(BIAS), axis=1)
-            .reset_index()
-            .assign(quantity=q, moment=m)
-            for m, prefix in (("mean", ""), ("sd", "sd_"))
-            for q in SECTION
-            if f"bias_{(name := prefix + q)}" in wide
-        ]
-        return Sampled(self.scene, section, pd.concat(rows, ignore_index=True), batches, facts)
+        biases = []
+        for moment, prefix in (("mean", ""), ("sd", "sd_")):
+            for quantity in SECTION:
+                columns = {f"{name}_{prefix}{quantity}": name for name in BIAS}
+                if columns.keys() <= set(wide):
+                    rows = wide[[*columns]].rename(columns=columns).reset_index()
+                    biases.append(rows.assign(quantity=quantity, moment=moment))
+        return Sampled(
+            self.scene,
+            wide.iloc[:, : wide.columns.get_loc("bias_tau")],
+            pd.concat(biases, ignore_index=True),
+            wide.filter(regex="^batch_"),
+            facts,
+        )
 
 
 def check_sample(sample: Sample) -> Sample:
@@ -180,25 +179,24 @@ def check_sample(sample: Sample) -> Sample:
     biased = SCHEMES[choice("scheme", sample.scheme, SCHEMES)].has_step_bias
     if sample.accuracy is not None:
         positive("accuracy", sample.accuracy)
-    if sample.near_branches:
-        for field, given, takes in (
-            ("accuracy", sample.accuracy, "samples rare branches by itself"),
-            ("scheme", sample.scheme if biased else None, "cannot be drawn near rare branches"),
-            (
-                "correlation_time",
-                sample.scene.correlation_time or None,
-                "leaves rare branches unknown",
-            ),
-        ):
-            if given is not None:
-                raise InputError(
-                    "near_branches", True, f"{field} = {given} {takes}; leave one of them out"
-                )
+    memory = sample.scene.correlation_time
+    excluded = (
+        (
+            sample.accuracy is not None,
+            f"accuracy = {sample.accuracy} samples rare branches by itself",
+        ),
+        (biased, f"scheme = {sample.scheme} cannot be drawn near rare branches"),
+        (memory != 0.0, f"correlation_time = {memory} leaves rare branches unknown"),
+    )
+    for given, why in excluded:
+        if sample.near_branches and given:
+            raise InputError("near_branches", True, f"{why}; leave one of them out")
+    dt = default_step(sample.scene, sample.scheme, biased) if sample.dt is None else sample.dt
     check_settings(
         sample.scene,
         paths=1 if sample.paths is None else sample.paths,
         impacts=sample.impacts,
-        dt=default_step(sample.scene, sample.scheme, biased) if sample.dt is None else sample.dt,
+        dt=dt,
         scheme=sample.scheme,
         rng=sample.seed,
         workers=1,
@@ -218,25 +216,24 @@ def _sections(run: Ensemble) -> pd.DataFrame:
     for (moment, quantity), rows in run.step_bias.groupby(["moment", "quantity"], sort=False):
         name = quantity if moment == "mean" else f"sd_{quantity}"
         parts.append(rows.set_index("impact")[list(BIAS)].add_suffix(f"_{name}"))
-    if (batches := run.batches) is None:
-        return pd.concat(parts, axis=1)
-    filled = batches.n[:, 0, 0] > 0  # batches that contain paths
-    columns: dict[str, Any] = {}
-    for what, values in (("mean", batches.mean), ("sd", batches.sd), ("control", batches.control)):
-        for i, quantity in enumerate(SECTION):
-            columns[BATCH.format(what, quantity)] = list(
-                np.ascontiguousarray(values[filled, :, i].T)
+    if run.batches is not None:
+        filled = run.batches.n[:, 0, 0] > 0  # batches that contain paths
+        columns = {
+            BATCH.format(moment, quantity): [*np.ascontiguousarray(batches.T)]
+            for moment in ("mean", "sd", "control")
+            for quantity, batches in zip(
+                SECTION, np.moveaxis(getattr(run.batches, moment)[filled], -1, 0), strict=True
             )
-    parts.append(pd.DataFrame(columns, index=run.section.index))
+        }
+        parts.append(pd.DataFrame(columns, index=run.section.index))
     return pd.concat(parts, axis=1)
 
 
 def split_followers(wide: pd.DataFrame) -> tuple[pd.DataFrame, pd.DataFrame]:
     """What is stored of all paths, and of those on the noise-free itinerary."""
-    own = wide.columns.str.startswith(FOLLOWERS)
-    return wide.loc[:, ~own], wide.loc[:, own].rename(
-        columns=lambda name: name.removeprefix(FOLLOWERS)
-    )
+    of_followers = wide.columns.str.startswith(FOLLOWERS)
+    apart = wide.loc[:, of_followers]
+    return wide.loc[:, ~of_followers], apart.rename(columns=lambda n: n.removeprefix(FOLLOWERS))
 
 
 @dataclass(frozen=True)
@@ -245,7 +242,7 @@ class Predicted:
 
     closure: str  # name in `rattle.closure.CLOSURES`
     section: pd.DataFrame  # as `closure.MeanMap.section`, times counted from the phase of the start
-    facts: dict[str, Any]  # ``found`` (impacts), ``seconds``
+    facts: Facts  # ``found`` (impacts), ``seconds``
     followers: "Predicted | None" = None  # the same of the paths on its itinerary, where asked for
 
 
@@ -268,13 +265,11 @@ class Prediction(Cell):
         return CLOSURES[self.closure] if self.own is None else self.own
 
     @property
-    def settings(self) -> dict[str, Any]:
+    def settings(self) -> Facts:
         """Everything that determines the result besides the scene."""
-        source = {} if self.own is None else {"source": self.own.digest}
-        settings = {
-            name: getattr(self, name) for name in ("impacts", "closure", "order", "on_itinerary")
-        }
-        return {"kind": "prediction", **settings, **source}
+        names = ("impacts", "closure", "order", "on_itinerary")
+        settings = {"kind": "prediction"} | {name: getattr(self, name) for name in names}
+        return settings if self.own is None else settings | {"source": self.own.digest}
 
     @property
     def group(self) -> str:
@@ -286,18 +281,18 @@ class Prediction(Cell):
         """Expected cost, with all components of a mixture."""
         return self.method.most_seconds(self.impacts)
 
-    def evaluate(self, blocks: Blocks | None = None) -> tuple[pd.DataFrame, dict[str, Any]]:
+    def evaluate(self, blocks: Blocks | None = None) -> tuple[pd.DataFrame, Facts]:
         """Evaluate the closure."""
-        found = predict(self.scene, self.method, self.impacts, self.order).phase_reduced
-        if found.trace.raised:
-            raise InputError("closure", self.closure, found.stopped)
-        parts = [found.section]
+        prediction = predict(self.scene, self.method, self.impacts, self.order).phase_reduced
+        if prediction.trace.raised:
+            raise InputError("closure", self.closure, prediction.stopped)
+        parts = [prediction.section]
         if self.on_itinerary:
-            parts.append(found.on_itinerary().section.add_prefix(FOLLOWERS))
-        return pd.concat(parts, axis=1), {"found": found.trace.found}
+            parts.append(prediction.on_itinerary().section.add_prefix(FOLLOWERS))
+        return pd.concat(parts, axis=1), {"found": prediction.trace.found}
 
     def restore(self, content: Content) -> Predicted:
         """Turn a stored result back into section moments."""
-        every, apart = split_followers(content.table)
+        table, apart = split_followers(content.table)
         on = None if apart.empty else Predicted(self.closure, apart, content.facts)
-        return Predicted(self.closure, every, content.facts, on)
+        return Predicted(self.closure, table, content.facts, on)

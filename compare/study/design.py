@@ -1,24 +1,24 @@
 """The design of a study: a scene, axes and settings; its kind says what is computed at each point
 of the grid."""
 
+import copy
 import hashlib
-import itertools
 import math
 import random
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from importlib import import_module
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 import pandas as pd
 
 from rattle.closure import Closure
 from rattle.closure.mean_map import find_closure
-from rattle.compare.engine.store import Cell, Store
+from rattle.compare.engine.store import Cell, Facts, Store
 from rattle.compare.validation.verdict import Tolerances
 from rattle.scene import (
     Gears,
@@ -61,6 +61,12 @@ MOST_GRID_POINTS = 100_000  # largest number of grid points of a study
 AXIS_EXAMPLE = "write { log = [0.001, 2.0, 24] }, { linear = [0.5, 1.5, 11] } or a list of values"
 
 
+Coordinates: TypeAlias = dict[str, Any]
+"""The value of each field that varies, at a point of the grid."""
+Placed: TypeAlias = tuple[Coordinates, pd.DataFrame]
+"""A table with the coordinates of its point."""
+
+
 class Axis(NamedTuple):
     """One or more fields that vary together."""
 
@@ -78,8 +84,8 @@ def read_axes(tables: Sequence[Mapping[str, Any]], gears: Gears | None = None) -
     Fields of one table vary together and need equally many values.
     """
     valid = (*VARIABLE, *(values_of(gears) if gears else ()))
-    found: list[Axis] = []
-    if isinstance(tables, str | Mapping) or not isinstance(tables, Sequence):
+    axes: list[Axis] = []
+    if not isinstance(tables, list | tuple):
         raise InputError("axes", tables, "write each axis as a table [[axes]]")
     for table in tables:
         if not isinstance(table, Mapping) or not table:
@@ -88,14 +94,13 @@ def read_axes(tables: Sequence[Mapping[str, Any]], gears: Gears | None = None) -
             )
         for name in table:
             if name not in valid and not ORDER_FIELD.fullmatch(name):
-                needs = (
-                    "a value of gears, which this study has not; write [gears], or vary one of"
-                    " [scene]"
-                )
                 why = f"no field of a scene or a simulation; {nearest(name, valid)}"
-                raise InputError(
-                    "axes", name, needs if gears is None and name in GEAR_VALUES else why
-                )
+                if gears is None and name in GEAR_VALUES:
+                    why = (
+                        "a value of gears, which this study has not; write [gears], or vary one of"
+                        " [scene]"
+                    )
+                raise InputError("axes", name, why)
         columns = {name: _values(name, values) for name, values in table.items()}
         lengths = {name: len(values) for name, values in columns.items()}
         if len(set(lengths.values())) > 1:
@@ -104,46 +109,48 @@ def read_axes(tables: Sequence[Mapping[str, Any]], gears: Gears | None = None) -
                 lengths,
                 "fields of one [[axes]] table vary together: give as many values each",
             )
-        found.append(Axis(tuple(columns), tuple(zip(*columns.values(), strict=True))))
-    names = [name for axis in found for name in axis.names]
+        axes.append(Axis(tuple(columns), tuple(zip(*columns.values(), strict=True))))
+    names = [name for axis in axes for name in axis.names]
     for name in names:
         if names.count(name) > 1:
             raise InputError("axes", name, "varies along two axes; keep one")
-    points = math.prod(len(axis.values) for axis in found)
+    points = math.prod(len(axis.values) for axis in axes)
     if points > MOST_GRID_POINTS:
         raise InputError(
             "axes",
             points,
             f"points make the grid; it may have {MOST_GRID_POINTS}: take fewer values",
         )
-    return tuple(found)
+    return tuple(axes)
 
 
-def combination(axes: Sequence[Axis], number: int) -> dict[str, Any]:
+def combination(axes: Sequence[Axis], number: int) -> Coordinates:
     """Give one point of the grid by its index, the last axis running fastest."""
     steps = np.unravel_index(number, [len(axis.values) for axis in axes])
-    pairs = (
-        zip(axis.names, axis.values[i], strict=True) for axis, i in zip(axes, steps, strict=True)
-    )
-    return dict(itertools.chain.from_iterable(pairs))
+    return {
+        name: value
+        for axis, step in zip(axes, steps, strict=True)
+        for name, value in zip(axis.names, axis.values[step], strict=True)
+    }
 
 
 def _values(name: str, given: Any) -> tuple[Any, ...]:
+    """Read the values of a field along an axis: a list, or evenly spaced ones."""
     field = f"axes.{name}"
     if isinstance(given, Mapping):
         check_keys(field, given, ("linear", "log"))
         if len(given) != 1:
             raise InputError(field, dict(given), AXIS_EXAMPLE)
-        kind, ends = next(iter(given.items()))
+        ((kind, ends),) = given.items()
         values = _space(field, kind, ends)
-    elif isinstance(given, Sequence) and not isinstance(given, str):
+    elif isinstance(given, list | tuple):
         values = tuple(given)
     else:
         raise InputError(field, given, AXIS_EXAMPLE)
     if not values:
         raise InputError(field, given, "has no values; " + AXIS_EXAMPLE)
     for value in values:
-        if isinstance(value, Sequence | Mapping) and not isinstance(value, str):
+        if isinstance(value, list | tuple | dict):
             raise InputError(field, value, "each value is a number or a name")
     if len(set(values)) < len(values):
         raise InputError(field, given, "holds a value twice")
@@ -153,7 +160,7 @@ def _values(name: str, given: Any) -> tuple[Any, ...]:
 def _space(field: str, kind: str, ends: Any) -> tuple[float, ...]:
     """Values spaced evenly, or evenly in their logarithm, rounded to six or more significant
     digits."""
-    if not isinstance(ends, Sequence) or isinstance(ends, str) or len(ends) != 3:
+    if not isinstance(ends, list | tuple) or len(ends) != 3:
         raise InputError(field, ends, "give [LOW, HIGH, POINTS]")
     low = finite(f"{field} LOW", ends[0])
     high = finite(f"{field} HIGH", ends[1])
@@ -162,9 +169,9 @@ def _space(field: str, kind: str, ends: Any) -> tuple[float, ...]:
         positive(f"{field} LOW", low)
     if high <= low:
         raise InputError(f"{field} HIGH", high, f"must be greater than LOW = {low:g}")
-    values = np.geomspace(low, high, points) if kind == "log" else np.linspace(low, high, points)
+    space = np.geomspace if kind == "log" else np.linspace
     digits = 6 + max(0, math.ceil(math.log10(points)) - 3)
-    return tuple(float(f"{v:.{digits}g}") for v in values)
+    return tuple(float(f"{value:.{digits}g}") for value in space(low, high, points))
 
 
 STUDY_KINDS = {
@@ -187,7 +194,7 @@ the ``WORDS`` that it explains.
 class Point:
     """One point of the grid."""
 
-    coordinates: dict[str, Any]  # value of each field that varies
+    coordinates: Coordinates
     # the simulation, of an ensemble or of the long run; None if the scene or the settings cannot be
     # simulated
     sample: Any
@@ -259,12 +266,12 @@ class Study:
     [0.01, 0.0316228, 0.1]
     """
 
-    base: dict[str, Any]
+    base: Facts
     axes: tuple[Axis, ...]
     closures: tuple[str | Closure | Callable[..., Any], ...]
     impacts: int
     order: int
-    settings: dict[str, Any]
+    settings: Facts
     common_noise: bool
     within: Tolerances
     on_itinerary: bool = False
@@ -276,7 +283,7 @@ class Study:
 
     def __repr__(self) -> str:
         """What varies, and what is computed at each point."""
-        closures = ", ".join(find_closure("closures", each).name for each in self.closures)
+        closures = ", ".join(find_closure("closures", closure).name for closure in self.closures)
         over = ", ".join(f"{axis.names[0]} ({len(axis.values)})" for axis in self.axes) or "nothing"
         return (
             f"Study {self.title!r} of {self.kind}: {self.size} points over {over}; closures:"
@@ -337,18 +344,17 @@ class Study:
         name = choice("study.kind", given.get("kind", cls.kind), tuple(STUDY_KINDS))
         kind = kind_of(name)
         check_keys("study", given, ("kind", "title", *kind.KEYS))
-        parts: dict[str, Any] = {
-            name: data[name] for name in ("gears", "scene", "drive") if name in data
-        }
+        parts: Facts = {part: data[part] for part in ("gears", "scene", "drive") if part in data}
         scene = Scene.from_dict(parts)
-        base = table_of(scene)
-        if "start" not in parts.get("scene", {}):
-            base.pop("start", None)
         axes = read_axes(data.get("axes", []), scene.gears)
-        own = kind.read(given, {name for axis in axes for name in axis.names})
-        title = str(given.get("title", kind.TITLE))
         return cls(
-            base=base, axes=axes, title=title, text=text, gears=scene.gears, kind=name, **own
+            base=table_of(scene, "start" in parts.get("scene", {})),
+            axes=axes,
+            title=str(given.get("title", kind.TITLE)),
+            text=text,
+            gears=scene.gears,
+            kind=name,
+            **kind.read(given, {field for axis in axes for field in axis.names}),
         )
 
     @property
@@ -365,13 +371,13 @@ class Study:
         InputError
             If no point can be simulated.
         """
-        found = tuple(self._point(combination(self.axes, number)) for number in range(self.size))
-        if not any(p.sample for p in found):
-            why = next(iter(found[0].reasons.values()))
+        points = tuple(map(self._point, range(self.size)))
+        if not any(point.sample for point in points):
+            why = next(iter(points[0].reasons.values()))
             raise InputError(
                 "study", self.title, f"not one point of the grid can be computed ({why})"
             )
-        return found
+        return points
 
     @property
     def names(self) -> list[str]:
@@ -420,7 +426,7 @@ class Study:
         if self.size <= most:
             return self.points
         numbers = sorted(random.Random(0).sample(range(self.size), most))
-        return tuple(self._point(combination(self.axes, number)) for number in numbers)
+        return tuple(map(self._point, numbers))
 
     @cached_property
     def cells(self) -> list[Cell]:
@@ -432,28 +438,20 @@ class Study:
         """The gears in whose units the study is explained; None where these vary along an axis."""
         return None if set(UNIT_VALUES) & set(self.names) else self.gears
 
-    def _base_at(self, coordinates: Mapping[str, Any]) -> dict[str, Any]:
-        """The scene as a table, with the parameters that follow from the values of the gears at a
-        point."""
-        changes = {name: value for name, value in coordinates.items() if name in GEAR_VALUES}
-        if not changes:
-            return self.base
-        scene = scene_with(replace(make_scene(self.base, {}), gears=self.gears), changes)
-        table = table_of(scene)
-        if "start" not in self.base:
-            del table["start"]
-        return table
-
-    def _point(self, coordinates: dict[str, Any]) -> Point:
+    def _point(self, number: int) -> Point:
+        """One point of the grid by its index."""
+        coordinates = combination(self.axes, number)
+        gears = {name: value for name, value in coordinates.items() if name in GEAR_VALUES}
+        base = self.base
         try:
-            scene = make_scene(self._base_at(coordinates), coordinates)
+            if gears:  # the parameters that follow from them
+                scene = replace(make_scene(base, {}), gears=self.gears)
+                base = table_of(scene_with(scene, gears), "start" in base)
+            scene = make_scene(base, coordinates)
         except InputError as error:
             return Point(coordinates, None, (), {"scene": str(error)})
-        settings = self.settings | {
-            name: value for name, value in coordinates.items() if name in SETTING_NAMES
-        }
-        sample, predictions, reasons = kind_of(self.kind).cells(self, scene, settings)
-        return Point(coordinates, sample, predictions, reasons)
+        varied = {name: value for name, value in coordinates.items() if name in SETTING_NAMES}
+        return Point(coordinates, *kind_of(self.kind).cells(self, scene, self.settings | varied))
 
 
 def kind_of(name: str) -> Any:
@@ -466,9 +464,9 @@ def page_of(study: Study) -> Any:
     return import_module(kind_of(study.kind).PAGE)
 
 
-def read_results(study: Study, store: Store) -> dict[str, Any]:
+def read_results(study: Study, store: Store) -> Facts:
     """Read the results of a study that are stored, by key."""
-    return {cell.key: found for cell in study.cells if (found := store.read(cell)) is not None}
+    return {cell.key: result for cell in study.cells if (result := store.read(cell)) is not None}
 
 
 def combine(study: Study, results: Mapping[str, Any]) -> Any:
@@ -486,47 +484,47 @@ def list_reasons(study: Study) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=[*study.names, "what", "why"])
 
 
-def with_coordinates(coordinates: Mapping[str, Any], table: pd.DataFrame) -> pd.DataFrame:
-    """Put the coordinates of a point before the columns of its table."""
-    return pd.concat(
-        [
-            pd.DataFrame({n: [v] * len(table) for n, v in coordinates.items()}, index=table.index),
-            table,
-        ],
-        axis=1,
-    )
+def with_coordinates(coordinates: Coordinates, table: pd.DataFrame) -> pd.DataFrame:
+    """Put the coordinates of a point before the columns of its table; they replace columns of the
+    same name."""
+    columns = dict.fromkeys([*coordinates, *table])
+    return table.assign(**coordinates)[[*columns]]
 
 
-def table_of(scene: Scene) -> dict[str, Any]:
-    """A scene as one table, its drive within, without the gears: an axis may vary what they fix."""
+def join_points(tables: Iterable[Placed], columns: Sequence[str] = ()) -> pd.DataFrame:
+    """Join the tables of points, each with its coordinates; without any, a table of these
+    columns."""
+    parts = [with_coordinates(coordinates, table) for coordinates, table in tables]
+    return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame(columns=[*columns])
+
+
+def table_of(scene: Scene, own_start: bool = True) -> Facts:
+    """A scene as one table, its drive within, without the gears: an axis may vary what they fix.
+
+    Without a start of its own, that of the paper follows the gaps.
+    """
     whole = replace(scene, gears=None).to_dict()
-    return {**whole["scene"], **{name: whole[name] for name in ("drive",) if name in whole}}
+    table: Facts = whole.pop("scene") | whole
+    if not own_start:
+        table.pop("start", None)
+    return table
 
 
-def make_scene(base: dict[str, Any], coordinates: Mapping[str, Any]) -> Scene:
-    """The scene of such a table with values replaced as `place` does."""
-    table = place(base, coordinates)
-    drive = {"drive": table.pop("drive")} if "drive" in table else {}
-    return Scene.from_dict(drive | {"scene": table})
-
-
-def place(base: dict[str, Any], coordinates: Mapping[str, Any]) -> dict[str, Any]:
-    """The scene's table, and its drive, with values replaced; a dotted name is a field of a nested
+def make_scene(base: Facts, coordinates: Coordinates) -> Scene:
+    """The scene of such a table with values replaced; a dotted name is a field of a nested
     table."""
-    out = {name: dict(value) if isinstance(value, dict) else value for name, value in base.items()}
+    table = copy.deepcopy(base)
     for name, value in coordinates.items():
         part, _, field = name.partition(".")
         if order := ORDER_FIELD.fullmatch(name):
-            orders = {
-                one["order"]: one for one in out.get("drive", [{"order": 1, "amplitude": 1.0}])
-            }
             number = int(order[1])
-            changed = (
-                {"order": number, "amplitude": 0.0} | orders.get(number, {}) | {order[2]: value}
-            )
-            out["drive"] = [*(orders | {number: changed}).values()]
+            drive = table.get("drive", [{"order": 1, "amplitude": 1.0}])
+            orders = {one["order"]: one for one in drive}
+            orders.setdefault(number, {"order": number, "amplitude": 0.0})[order[2]] = value
+            table["drive"] = [*orders.values()]
         elif field:
-            out.setdefault(part, {})[field] = value
+            table.setdefault(part, {})[field] = value
         elif name not in (*SETTING_NAMES, *GEAR_VALUES):
-            out[name] = value
-    return out
+            table[name] = value
+    drive = {name: table.pop(name) for name in ("drive",) if name in table}
+    return Scene.from_dict(drive | {"scene": table})

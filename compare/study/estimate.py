@@ -45,21 +45,21 @@ def expect_work(cells: Sequence[Cell]) -> dict[str, Work]:
     asked = sum(isinstance(cell, Sample) and cell.accuracy is not None for cell in cells)
     every = -(-asked // PILOTS)
     seen = 0
-    found = {}
+    work = {}
     last = Work(0.0, 0.0)
     for cell in cells:
-        if isinstance(cell, Sample) and cell.accuracy is not None:
-            last = last if seen % every else _pilot(cell, cell.accuracy)
-            found[cell.key] = last
-            seen = seen + 1
-        elif isinstance(cell, Sample):
+        if not isinstance(cell, Sample):
+            work[cell.key] = Work(0.0, cell.core_seconds)
+        elif cell.accuracy is None:
             cost = cost_of(
                 cell.simulate(PATHS_PROBED), count_followed(cell.scene, cell.expected_paths)
             )
-            found[cell.key] = Work(cost.path_steps, cost.core_seconds)
+            work[cell.key] = Work(cost.path_steps, cost.core_seconds)
         else:
-            found[cell.key] = Work(0.0, cell.core_seconds)
-    return found
+            last = last if seen % every else _pilot(cell, cell.accuracy)
+            work[cell.key] = last
+            seen += 1
+    return work
 
 
 def _pilot(cell: Sample, accuracy: float) -> Work:
@@ -67,11 +67,11 @@ def _pilot(cell: Sample, accuracy: float) -> Work:
     scene = cell.scene.phase_reduced
     again = partial(simulate, scene, impacts=cell.impacts, rng=cell.seed)
     budget = Budget(PILOT_SECONDS)
-    pilot, (found, *_) = choose_scheme(
+    pilot, (expected, *_) = choose_scheme(
         scene, [cell.scheme], accuracy, again, budget.limit(in_threads(1)), budget
     )
-    slow = 0.0 if pilot.whole else pilot.path_seconds * found.paths
-    return Work(found.path_steps, max(found.core_seconds, slow))
+    slow = 0.0 if pilot.whole else pilot.path_seconds * expected.paths
+    return Work(expected.path_steps, max(expected.core_seconds, slow))
 
 
 def estimate(
@@ -104,33 +104,33 @@ def scaling(
     ``cores``, ``longest task`` (work that cannot be split), ``scheduler`` (3.5 ms a task) or
     ``merging`` (of blocks, by the client).
     """
-    work = tasks = blocks = longest = 0.0  # sums only: a single cell may have a million blocks
-    for cell in cells:
-        taken = seconds.get(cell.key, 0.0)
-        pieces = 1
-        if isinstance(cell, Sample):
-            count = -(-count_followed(cell.scene, cell.expected_paths) // BLOCK)
-            pieces = -(-count // BLOCKS_OF_A_TASK)
-            blocks += times(cell) * count
-        work += times(cell) * taken
-        tasks += times(cell) * pieces
-        longest = max(longest, taken / pieces)
+    number = np.array([times(cell) for cell in cells])
+    taken = np.array([seconds.get(cell.key, 0.0) for cell in cells])
+    # sums only: a single cell may have a million blocks
+    blocks = np.array(
+        [
+            -(-count_followed(cell.scene, cell.expected_paths) // BLOCK)
+            if isinstance(cell, Sample)
+            else 0
+            for cell in cells
+        ]
+    )
+    tasks = np.maximum(-(-blocks // BLOCKS_OF_A_TASK), 1)
     cores = np.array([1, 2, 10, 100, 1000, 10_000])
     limits = pd.DataFrame(
         {
-            "cores": work / cores,
-            "longest task": longest,
-            "scheduler": tasks * TASK_SECONDS,
-            "merging": blocks * MERGE_SECONDS,
+            "cores": (number * taken).sum() / cores,
+            "longest task": (taken / tasks).max(initial=0.0),
+            "scheduler": (number * tasks).sum() * TASK_SECONDS,
+            "merging": (number * blocks).sum() * MERGE_SECONDS,
         }
     )
     wall = limits.max(axis="columns")
-    efficiency = (limits["cores"] / wall).where(wall > 0.0, 1.0)
     return pd.DataFrame(
         {
             "cores": cores,
             "wall_seconds": wall,
-            "efficiency": efficiency,
+            "efficiency": (limits["cores"] / wall).where(wall > 0.0, 1.0),
             "limit": limits.idxmax(axis="columns"),
         }
     )

@@ -2,7 +2,7 @@
 field that varies."""
 
 from collections.abc import Callable, Iterable, Iterator
-from itertools import islice
+from itertools import islice, product
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
 
 from rattle.compare.report.style import STYLE, SYMBOL, legend_above, new_figure, whole_impacts
-from rattle.compare.study.design import Study
+from rattle.compare.study.design import Placed, Study
 from rattle.compare.validation.verdict import ACCURATE_UP_TO, ENDED, NOT_WRONG, WRONG, Verdict, want
 
 GREEK = {
@@ -47,12 +47,12 @@ def _draw_band(ax: Axes, x: Any, y: Any, low: Any, high: Any, **style: Any) -> N
     ax.fill_between(x, low, high, color=style["color"], alpha=BAND, lw=0)
 
 
-def _by_impact(rows: pd.DataFrame, r: Any) -> Iterator[tuple[dict[str, Any], pd.DataFrame]]:
+def _by_impact(rows: pd.DataFrame, r: Any) -> Iterator[Placed]:
     """The rows of a few impacts in the order of the field that varies, each with colour and
     label."""
     for impact, colour in zip(_pick_impacts(r.study.impacts), IMPACT_COLOURS, strict=False):
-        own = rows[rows["impact"] == impact].sort_values(r.study.along)
-        yield {"color": colour, "lw": 1.4, "marker": "o", "label": f"impact {impact}"}, own
+        of_impact = rows[rows["impact"] == impact].sort_values(r.study.along)
+        yield {"color": colour, "lw": 1.4, "marker": "o", "label": f"impact {impact}"}, of_impact
 
 
 def scale_of(given: Iterable[float]) -> dict[str, Any]:
@@ -86,23 +86,22 @@ def errors(r: Any, rows: pd.DataFrame) -> Figure:
     below."""
     name = r.study.along
     shown = _pick_impacts(r.study.impacts)
+    limits = {"mean": r.study.within.mean, "sd": r.study.within.sd}
     figure, axes = new_figure(2.6 * len(shown) + 0.8, 5.6, 2, len(shown))
     judged = rows[rows["judged"] & (rows["verdict"] != Verdict.NOT_PREDICTED)]
-    for i, (moment, limit) in enumerate((("mean", r.study.within.mean), ("sd", r.study.within.sd))):
-        for j, impact in enumerate(shown):
-            ax = axes[i * len(shown) + j]
-            part = judged[(judged["moment"] == moment) & (judged["impact"] == impact)]
-            for closure, group in part.groupby("closure", sort=False):
-                worst = _worst(group, name)
-                style = STYLE[str(closure)]
-                ends = (worst[end].clip(lower=FLOOR) for end in ("size", "least", "most"))
-                _draw_band(ax, worst[name], *ends, label=str(closure), lw=1.4, ms=3.5, **style)
-            ax.axhline(limit, color="k", ls="--", lw=1.0, label="tolerance")
-            ax.set(yscale="log", ylim=(FLOOR, None))
-            label_field(ax, name, rows[name])
-            ax.set_title(f"impact {impact}", loc="left")
-            if j == 0:
-                ax.set_ylabel(f"largest error of a {moment}, in sds")
+    for ax, (moment, impact) in zip(axes, product(limits, shown), strict=True):
+        part = judged[(judged["moment"] == moment) & (judged["impact"] == impact)]
+        for closure, group in part.groupby("closure", sort=False):
+            worst = _worst(group, name)
+            ends = (worst[end].clip(lower=FLOOR) for end in ("size", "least", "most"))
+            style = STYLE[str(closure)]
+            _draw_band(ax, worst[name], *ends, label=str(closure), lw=1.4, ms=3.5, **style)
+        ax.axhline(limits[moment], color="k", ls="--", lw=1.0, label="tolerance")
+        ax.set(yscale="log", ylim=(FLOOR, None))
+        label_field(ax, name, rows[name])
+        ax.set_title(f"impact {impact}", loc="left")
+        if impact == shown[0]:
+            ax.set_ylabel(f"largest error of a {moment}, in sds")
     legend_above(figure, axes, len(r.study.closures) + 1)
     return figure
 
@@ -121,7 +120,7 @@ def validity(r: Any, rows: pd.DataFrame) -> Figure:
     shown wrong."""
     figure, (ax,) = new_figure(8.0, 3.8, 1, 1)
     name = r.study.along
-    values = [float(v) for v in pd.unique(r.errors[r.study.along])]
+    values = r.errors[name].unique()
     for closure, group in rows.groupby("closure", sort=False):
         style = STYLE[str(closure)]
         impact = group["impact"]
@@ -133,9 +132,8 @@ def validity(r: Any, rows: pd.DataFrame) -> Figure:
             continue
         ax.plot(impact, accurate, label=f"{closure}: {ACCURATE_UP_TO}", lw=1.5, ms=5, **style)
         ax.plot(impact, not_wrong, color=style["color"], ls=":", lw=1.5)
-        ax.fill_between(
-            impact, accurate.fillna(min(values)), not_wrong, color=style["color"], alpha=BAND, lw=0
-        )
+        lower = accurate.fillna(min(values))
+        ax.fill_between(impact, lower, not_wrong, color=style["color"], alpha=BAND, lw=0)
     ax.plot([], [], color="0.3", ls=":", lw=1.5, label=NOT_WRONG)
     ax.fill_between([], [], color="0.3", alpha=BAND, lw=0, label=want(r.of_all_paths))
     if (scale := scale_of(values))["value"] != "linear":
@@ -148,21 +146,19 @@ def validity(r: Any, rows: pd.DataFrame) -> Figure:
     return figure
 
 
+def _draw_lines(axes: list[Axes], r: Any, rows: pd.DataFrame, by: str, *columns: str) -> None:
+    """Draw a column in each panel: a line for each closure, or kind of cell."""
+    for name, group in rows.sort_values(r.study.along).groupby(by, sort=False):
+        for ax, column in zip(axes, columns, strict=True):
+            style = STYLE[str(name)]
+            ax.plot(group[r.study.along], group[column], label=name, lw=1.4, ms=4, **style)
+
+
 def _correlation(axes: list[Axes], r: Any, rows: pd.DataFrame) -> None:
     """Draw the share of a closure's impacts at which its correlation is invalid, and the largest
     |rho|."""
-    for closure, group in rows.groupby("closure", sort=False):
-        group = group.sort_values(r.study.along)
-        share = 100.0 * group["invalid"] / group["reached"].clip(lower=1)
-        for ax, values in zip(axes, (share, group["largest"]), strict=True):
-            ax.plot(
-                group[r.study.along],
-                values,
-                label=str(closure),
-                lw=1.4,
-                ms=4,
-                **STYLE[str(closure)],
-            )
+    share = 100.0 * rows["invalid"] / rows["reached"].clip(lower=1)
+    _draw_lines(axes, r, rows.assign(share=share), "closure", "share", "largest")
     axes[0].set(
         ylabel="impacts with invalid ρ, % of those reached",
         ylim=(-2.0, max(10.0, axes[0].get_ylim()[1])),
@@ -193,29 +189,26 @@ def _agreement(axes: list[Axes], r: Any, rows: pd.DataFrame) -> None:
     axes[0].set(ylim=(-0.02, 1.04), ylabel="paths on the noise-free itinerary")
 
 
+SECTION_PANELS = {
+    ("tau", "sd"): f"sd of {SYMBOL['tau']}",
+    ("y1", "sd"): rf"sd of {SYMBOL['y1']} ($\nu_1\omega$)",
+    ("rate", "mean"): r"impacts so far / mean $\tau$",
+    ("tau", "skew"): f"skewness of {SYMBOL['tau']}",
+    ("y1", "skew"): f"skewness of {SYMBOL['y1']}",
+    ("energy", "mean"): r"energy lost ($I_1/R_1^2\,(\nu_1\omega)^2$)",
+}
+"""Label of each panel, by the quantity and the moment that it shows."""
+
+
 def _sections(axes: list[Axes], r: Any, rows: pd.DataFrame) -> None:
     """Draw sd and skewness at some impacts, impact rate and energy loss, with 95 % intervals."""
-    panels = [
-        ("tau", "sd"),
-        ("y1", "sd"),
-        ("rate", "mean"),
-        ("tau", "skew"),
-        ("y1", "skew"),
-        ("energy", "mean"),
-    ]
-    labels = {
-        "sd": "sd of {}",
-        "skew": "skewness of {}",
-        "rate": r"impacts so far / mean $\tau$",
-        "energy": r"energy lost ($I_1/R_1^2\,(\nu_1\omega)^2$)",
-    }
-    for ax, (quantity, moment) in zip(axes, panels, strict=True):
+    for ax, ((quantity, moment), label) in zip(axes, SECTION_PANELS.items(), strict=True):
         part = rows[(rows["quantity"] == quantity) & (rows["moment"] == moment)]
         for style, group in _by_impact(part, r):
-            low, high = (group["value"] + sign * 1.96 * group["se"] for sign in (-1.0, 1.0))
-            _draw_band(ax, group[r.study.along], group["value"], low, high, ms=2.5, **style)
-        label = labels.get(quantity) or labels[moment].format(SYMBOL[quantity])
-        ax.set_ylabel(label + r" ($\nu_1\omega$)" * ((quantity, moment) == ("y1", "sd")))
+            half = 1.96 * group["se"]
+            value = group["value"]
+            _draw_band(ax, group[r.study.along], value, value - half, value + half, ms=2.5, **style)
+        ax.set_ylabel(label)
         if moment == "sd" and (part["value"] > 0.0).any():
             ax.set_yscale("log")
         if moment == "skew":
@@ -226,7 +219,6 @@ def draw_paired(r: Any, rows: pd.DataFrame) -> Figure:
     """Draw the gain of common random numbers: independent over paired standard error of a
     difference of neighbours."""
     figure, (ax,) = new_figure(6.2, 3.6, 1, 1)
-    name = r.study.along
     part = rows[(rows["se"] > 0.0) & (rows["se_independent"] > 0.0)]
     part = part.assign(
         gain=part["se_independent"] / part["se"], middle=0.5 * (part["from"] + part["to"])
@@ -236,30 +228,20 @@ def draw_paired(r: Any, rows: pd.DataFrame) -> Figure:
         if known.empty:  # too few batches for a standard error
             continue
         gains = known.groupby("middle")["gain"].quantile([0.1, 0.5, 0.9]).unstack()
+        ends = (gains[share] for share in (0.5, 0.1, 0.9))
         label = f"{moment}s: median, 10 to 90 %"
-        _draw_band(
-            ax, gains.index, gains[0.5], gains[0.1], gains[0.9], lw=1.4, ms=4, label=label, **style
-        )
+        _draw_band(ax, gains.index, *ends, lw=1.4, ms=4, label=label, **style)
     ax.axhline(1.0, color="k", ls="--", lw=1.0)
     ax.set(yscale="log", ylabel="error of a difference, independent / paired")
     ax.yaxis.set_major_formatter("{x:g}")
-    label_field(ax, name, part["middle"])
+    label_field(ax, r.study.along, part["middle"])
     legend_above(figure, [ax], 2)
     return figure
 
 
 def _cost(axes: list[Axes], r: Any, rows: pd.DataFrame) -> None:
     """Draw the seconds of each cell."""
-    for what, group in rows.groupby("what", sort=False):
-        group = group.sort_values(r.study.along)
-        axes[0].plot(
-            group[r.study.along],
-            group["seconds"],
-            label=str(what),
-            lw=1.2,
-            ms=4,
-            **STYLE[str(what)],
-        )
+    _draw_lines(axes, r, rows, "what", "seconds")
     axes[0].set(yscale="log", ylabel="seconds of one core")
 
 
@@ -277,8 +259,8 @@ class TablePlot(NamedTuple):
     def figure(self, r: Any, rows: pd.DataFrame) -> Figure:
         """Draw the figure."""
         if self.size is None:
-            found: Figure = self.draw(r, rows)
-            return found
+            drawn: Figure = self.draw(r, rows)
+            return drawn
         figure, axes = new_figure(*self.size, *self.grid)
         self.draw(axes, r, rows)
         for ax in axes:
@@ -309,13 +291,13 @@ STUDY_FIGURES = {
 """All figures by name."""
 
 
-def panels(
-    study: Study, table: pd.DataFrame, most: int = 6
-) -> Iterator[tuple[dict[str, Any], pd.DataFrame]]:
+def panels(study: Study, table: pd.DataFrame, most: int = 6) -> Iterator[Placed]:
     """Split a table into parts in which all fields but the first that varies are fixed, one for
     each figure."""
-    if study.along and not table.empty and not study.others:
+    if not study.along or table.empty:
+        return
+    if not study.others:
         yield {}, table
-    elif study.along and not table.empty:
-        for key, part in islice(table.groupby(study.others, sort=False), most):
-            yield dict(zip(study.others, key, strict=True)), part
+        return
+    for key, part in islice(table.groupby(study.others, sort=False), most):
+        yield dict(zip(study.others, key, strict=True)), part

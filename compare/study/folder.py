@@ -13,7 +13,7 @@ import pandas as pd
 from matplotlib.figure import Figure as Drawn
 
 from rattle.compare.engine.run import check_cells, has_cells
-from rattle.compare.engine.store import numerical_version
+from rattle.compare.engine.store import Facts, numerical_version
 from rattle.compare.report import manifest
 from rattle.compare.report.folder import (
     FIGURES_FOLDER,
@@ -30,10 +30,10 @@ from rattle.compare.report.report import Report
 from rattle.compare.report.save import file_digest, write_files
 from rattle.compare.report.table import Table, of_numbers
 from rattle.compare.report.texts import glossary
-from rattle.compare.study.design import STUDY_KINDS, Point, Study, kind_of, page_of
+from rattle.compare.study.design import STUDY_KINDS, Coordinates, Point, Study, kind_of, page_of
 from rattle.compare.validation.verdict import Verdict
 from rattle.scene import FileError, OutputError, RattleError
-from rattle.scene.files import parse_json, read_regular, read_text
+from rattle.scene.files import read_text
 from rattle.scene.numpy_errors import numpy_defaults
 
 FILE = "study.toml"
@@ -63,19 +63,14 @@ def check_folder(study: Study, folder: Path, overwrite: bool) -> None:
     files = {FILE, FIGURES_FOLDER, *report_files("study"), *small, *large}
     inside = {path for path in folder.iterdir() if path.name in files}
     record = read_own_manifest(folder)
+    current = is_current_file(study, folder)
     if record["kind"] == "study" if record and "kind" in record else has_cells(folder):
         refuse_foreign(
             folder, {path.name for path in inside if path.is_dir() != (path.name == FIGURES_FOLDER)}
         )
     else:
-        ours = {FILE} if is_current_file(study, folder) else set()
-        refuse_foreign(folder, {path.name for path in inside} - ours)
-    if (
-        record
-        and not overwrite
-        and not is_current_file(study, folder)
-        and not shares_results(study, folder / FILE)
-    ):
+        refuse_foreign(folder, {path.name for path in inside} - ({FILE} if current else set()))
+    if record and not overwrite and not current and not shares_results(study, folder / FILE):
         why = (
             f"holds another study ({record['title']}); choose another folder, or overwrite it"
             " (--overwrite)"
@@ -146,13 +141,10 @@ def _read_table(path: Path) -> pd.DataFrame:
     return pd.read_parquet(path).replace({"verdict": {"not judged": str(Verdict.EXCLUDED)}})
 
 
-def _read_record(folder: Path) -> dict[str, Any]:
+def _read_record(folder: Path) -> Facts:
     """Read the manifest of a finished study."""
-    try:
-        record = parse_json(read_regular(folder / MANIFEST))
-    except (OSError, ValueError):
-        record = None
-    if not isinstance(record, dict):
+    record = read_own_manifest(folder)
+    if record is None:
         raise FileError(
             "study folder", str(folder), "holds no finished study; give the folder of one"
         )
@@ -162,7 +154,7 @@ def _read_record(folder: Path) -> dict[str, Any]:
     return record
 
 
-def _check_files(folder: Path, record: dict[str, Any], files: Iterable[str]) -> None:
+def _check_files(folder: Path, record: Facts, files: Iterable[str]) -> None:
     """Refuse a folder in which a file is missing or has changed since it was written."""
     written = record.get("files")
     for file in files:
@@ -175,7 +167,7 @@ def files_of(study: Study) -> tuple[str, ...]:
     return (*(f"{name}.parquet" for name in kind_of(study.kind).TABLES), *page_files("study"))
 
 
-def is_current(study: Study, folder: Path) -> dict[str, Any] | None:
+def is_current(study: Study, folder: Path) -> Facts | None:
     """Read the manifest of a folder, if it belongs to this study and covers all of its cells.
 
     Returns: The manifest; None if the folder is missing, damaged, incomplete, or of another study
@@ -208,7 +200,7 @@ class FailedPoints(NamedTuple):
     why: str  # error message at the first of the points: field, value and remedy
     points: int  # points, of: number of points concerned, and number of all points
     of: int
-    first: dict[str, Any]  # coordinates of the first point concerned
+    first: Coordinates  # coordinates of the first point concerned
 
     @property
     def where(self) -> str:
@@ -227,7 +219,7 @@ class FailedPoints(NamedTuple):
 
 def group_failures(points: Sequence[Point], failed: Mapping[str, str]) -> list[FailedPoints]:
     """Group the error messages of a study's points by their reason."""
-    found: dict[tuple[str, str], list[tuple[Point, str]]] = {}
+    groups: dict[tuple[str, str], list[tuple[Coordinates, str]]] = {}
     for point in points:
         lost = {
             getattr(cell, "closure", "sample"): failed[cell.key]
@@ -235,17 +227,14 @@ def group_failures(points: Sequence[Point], failed: Mapping[str, str]) -> list[F
             if cell.key in failed
         }
         for what, why in (point.reasons | lost).items():
-            found.setdefault((what, NUMBER_PATTERN.sub("", why)), []).append((point, why))
-    return [
-        FailedPoints(
-            REASON_NAMES.get(what, what),
-            where[0][1],
-            len(where),
-            len(points),
-            where[0][0].coordinates,
-        )
-        for (what, _), where in found.items()
-    ]
+            alike = groups.setdefault((what, NUMBER_PATTERN.sub("", why)), [])
+            alike.append((point.coordinates, why))
+    failures = []
+    for (what, _), alike in groups.items():
+        first, why = alike[0]
+        what = REASON_NAMES.get(what, what)
+        failures.append(FailedPoints(what, why, len(alike), len(points), first))
+    return failures
 
 
 class Drawing(NamedTuple):
@@ -256,9 +245,7 @@ class Drawing(NamedTuple):
     caption: str
 
 
-def write_page(
-    folder: Path, tables: Any, seconds: Mapping[str, float], facts: dict[str, Any]
-) -> dict[str, Any]:
+def write_page(folder: Path, tables: Any, seconds: Mapping[str, float], facts: Facts) -> Facts:
     """Write tables, figures, the page and the manifest; each file is replaced atomically.
 
     `tables`: As `combine` gives them.  `seconds`: What each cell that is stored took, by key.
@@ -284,9 +271,8 @@ def write_page(
     return record
 
 
-def _write(
-    folder: Path, tables: Any, seconds: Mapping[str, float], facts: dict[str, Any]
-) -> dict[str, Any]:
+def _write(folder: Path, tables: Any, seconds: Mapping[str, float], facts: Facts) -> Facts:
+    """Write all files of a study into a scratch folder."""
     study: Study = tables.study
     kind = kind_of(study.kind)
     page = page_of(study)

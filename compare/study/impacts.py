@@ -2,9 +2,10 @@
 and its tables."""
 
 import hashlib
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
 from itertools import pairwise
+from operator import itemgetter
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,6 +13,7 @@ import pandas as pd
 
 from rattle.closure import CLOSURES
 from rattle.closure.mean_map import ORDER_RANGE, find_closures
+from rattle.compare.engine.store import Facts
 from rattle.compare.judge.rows import judge_errors
 from rattle.compare.study.cells import (
     BATCH,
@@ -22,7 +24,14 @@ from rattle.compare.study.cells import (
     Sampled,
     check_sample,
 )
-from rattle.compare.study.design import SETTING_NAMES, Point, Study, list_reasons, with_coordinates
+from rattle.compare.study.design import (
+    SETTING_NAMES,
+    Placed,
+    Point,
+    Study,
+    join_points,
+    list_reasons,
+)
 from rattle.compare.validation.errors import (
     ON_ITINERARY,
     follower_errors,
@@ -40,7 +49,6 @@ from rattle.compare.validation.verdict import (
 from rattle.montecarlo.statistics.intervals import widest
 from rattle.scene import (
     SECTION,
-    STATE,
     Floats,
     InputError,
     Scene,
@@ -60,16 +68,9 @@ if TYPE_CHECKING:
 TABLES = ("errors", "sections", "correlation", "validity", "paired", "cost", "reasons")
 """Tables of a study of impacts, each a Parquet file."""
 SMALL = ("correlation", "validity", "cost", "reasons")  # those of them that are written as CSV too
-KEYS = (
-    "impacts",
-    "closures",
-    "order",
-    *SETTING_NAMES,
-    "common_noise",
-    "on_itinerary",
-    "near_branches",
-    "within",
-)
+FLAGS = {"common_noise": True, "on_itinerary": False, "near_branches": False}
+"""Those of the fields of `Study` that are true or false, with their defaults."""
+KEYS = ("impacts", "closures", "order", *SETTING_NAMES, *FLAGS, "within")
 TITLE = "study"
 PAGE = "rattle.compare.study.impacts_page"
 
@@ -97,7 +98,7 @@ class Tables:
     """
 
     study: Study
-    record: dict[str, Any]
+    record: Facts
     errors: pd.DataFrame
     sections: pd.DataFrame
     correlation: pd.DataFrame
@@ -108,10 +109,8 @@ class Tables:
 
     def __repr__(self) -> str:
         """Of which study, and how long its tables are."""
-        names = [f.name for f in fields(self) if isinstance(getattr(self, f.name), pd.DataFrame)]
-        return f"{self.study!r}\n  rows: " + ", ".join(
-            f"{name} {len(getattr(self, name)):,}" for name in names
-        )
+        lengths = ", ".join(f"{name} {len(getattr(self, name)):,}" for name in TABLES)
+        return f"{self.study!r}\n  rows: {lengths}"
 
     def _repr_html_(self) -> str:
         return as_html(repr(self), self.validity.to_html(max_rows=12))
@@ -129,11 +128,8 @@ class Tables:
     def judged(self, within: Tolerances) -> pd.DataFrame:
         """Judge the errors by other tolerances."""
         share = self.errors["moment"].map({"mean": within.mean, "sd": within.sd})
-        return judge(
-            self.errors.assign(
-                tolerance=np.maximum(share * self.errors["unit"], self.errors["still"])
-            )
-        )
+        tolerance = np.maximum(share * self.errors["unit"], self.errors["still"])
+        return judge(self.errors.assign(tolerance=tolerance))
 
     def to_xarray(self) -> "xr.Dataset":
         """Convert the errors of the closures and the moments of the simulation to a dataset.
@@ -145,15 +141,10 @@ class Tables:
         """
         index = [*(axis.names[0] for axis in self.study.axes), "impact", "quantity", "moment"]
         errors = self.of_all_paths.set_index([*index, "closure"])
-        predictions = errors[
-            ["predicted", "error", "low", "high", "tolerance", "verdict"]
-        ].to_xarray()
-        sections = (
-            self.sections[self.sections["quantity"].isin(SECTION)]
-            .set_index(index)[["value", "se"]]
-            .to_xarray()
-        )
-        return with_units(predictions.merge(sections.rename(value="simulated"), join="outer"))
+        columns = ["predicted", "error", "low", "high", "tolerance", "verdict"]
+        sections = self.sections[self.sections["quantity"].isin(SECTION)].set_index(index)
+        simulated = sections[["value", "se"]].rename(columns={"value": "simulated"}).to_xarray()
+        return with_units(errors[columns].to_xarray().merge(simulated, join="outer"))
 
     def plot(self, kind: str = "validity", **at: Any) -> "Figure":
         """Draw a figure of the study's page.
@@ -187,69 +178,67 @@ def compare_paired(one: Sampled, other: Sampled) -> pd.DataFrame:
     ``se_independent``, the standard error that independent runs without a control variate would
     have.
     """
-    rows = []
-    for quantity in SECTION:
-        if one.scene.stages == 1 and quantity in STATE[2:]:
-            continue
+    tables = []
+    for quantity in SECTION[: 2 + 2 * one.scene.stages]:
         for moment, prefix in (("mean", ""), ("sd", "sd_")):
-            name = BATCH.format(moment, quantity)
-            first, second = (np.stack(list(run.batches[name])) for run in (one, other))
+            first = _batches(one, moment, quantity)
+            second = _batches(other, moment, quantity)
             batches = min(first.shape[1], second.shape[1])
             first = first[:, :batches]
             second = second[:, :batches]
-            control = np.stack(list(other.batches[BATCH.format("control", quantity)]))[:, :batches]
-            freedom = batches - 1 - (moment == "mean")
-            se = alone = np.full(len(first), np.nan)
-            if freedom > 0:  # a standard error needs at least one degree of freedom
-                left = (
-                    _residual(second - first, control)
-                    if moment == "mean"
-                    else _subtract_means(second - first)
-                )
-                se = np.sqrt((left**2).sum(axis=1) / freedom / batches)
+            left = _centre(second - first)
+            freedom = batches - 1
+            if moment == "mean":
+                control = _centre(_batches(other, "control", quantity)[:, :batches])
+                product = (left * control).sum(axis=1, keepdims=True)
+                square = (control * control).sum(axis=1, keepdims=True)
+                slope = np.divide(product, square, out=np.zeros_like(square), where=square > 0.0)
+                left = left - slope * control
+                freedom -= 1
+            # a standard error needs at least one degree of freedom
+            se = np.sqrt((left**2).sum(axis=1) / freedom / batches) if freedom > 0 else np.nan
+            alone: Floats | float = np.nan
             if batches > 1:
-                alone = np.sqrt((first.var(axis=1, ddof=1) + second.var(axis=1, ddof=1)) / batches)
+                variances = first.var(axis=1, ddof=1) + second.var(axis=1, ddof=1)
+                alone = np.sqrt(variances / batches)
             difference = other.section[prefix + quantity] - one.section[prefix + quantity]
-            table = pd.DataFrame({"impact": one.section.index}).assign(
-                quantity=quantity, moment=moment
-            )
-            rows.append(table.assign(difference=difference.to_numpy(), se=se, se_independent=alone))
-    return pd.concat(rows, ignore_index=True)
+            columns = {"difference": difference, "se": se, "se_independent": alone}
+            table = pd.DataFrame({"quantity": quantity, "moment": moment, **columns})
+            tables.append(table.reset_index())
+    return pd.concat(tables, ignore_index=True)
 
 
-def _subtract_means(values: Floats) -> Floats:
+def _batches(run: Sampled, moment: str, quantity: str) -> Floats:
+    """Statistics of the batches of a run, shape (impacts, batches)."""
+    return np.stack(list(run.batches[BATCH.format(moment, quantity)]))
+
+
+def _centre(values: Floats) -> Floats:
+    """Deviations from the mean of each row."""
     return np.asarray(values - values.mean(axis=1, keepdims=True))
-
-
-def _residual(values: Floats, control: Floats) -> Floats:
-    """Residuals of the regression of each row on its control variate."""
-    values = _subtract_means(values)
-    control = _subtract_means(control)
-    product, square = ((v * control).sum(axis=1, keepdims=True) for v in (values, control))
-    return np.asarray(
-        values - np.divide(product, square, out=np.zeros_like(square), where=square > 0.0) * control
-    )
 
 
 Triple = tuple[Point, Sampled, list[Predicted]]
 
 
-def combine(study: Study, found: Mapping[str, Any]) -> Tables:
+def combine(study: Study, results: Mapping[str, Any]) -> Tables:
     """Compute the tables of a study from the results of its cells, by key."""
-    predictions = sum(cell.key in found for point in study.points for cell in point.predictions)
+    predictions = sum(cell.key in results for point in study.points for cell in point.predictions)
     # 95 % simultaneous coverage over the study (Bonferroni)
     z = widest(predictions * 2 * len(SECTION) * study.impacts)
     points = [
         (
             point,
-            found[point.sample.key],
-            [found[cell.key] for cell in point.predictions if cell.key in found],
+            results[point.sample.key],
+            [results[cell.key] for cell in point.predictions if cell.key in results],
         )
         for point in study.points
-        if point.sample and point.sample.key in found
+        if point.sample and point.sample.key in results
     ]
-    errors = _errors(study, points, z)
-    sections = _sections(points)
+    errors = join_points(
+        _judge_points(study, points, z), ("closure", "kind", "moment", "verdict", "judged")
+    )
+    sections = join_points((point.coordinates, _list_moments(run)) for point, run, _ in points)
     return Tables(
         study,
         {"errors_sha256": _digest(errors), "sections_sha256": _digest(sections), "z": z},
@@ -257,24 +246,24 @@ def combine(study: Study, found: Mapping[str, Any]) -> Tables:
         sections=sections,
         correlation=_correlation(study, points),
         validity=find_validity(study, errors[errors["kind"] != ON_ITINERARY]),
-        paired=_pair_neighbours(study, points),
-        cost=_cost(study, found),
+        paired=join_points(_pair_neighbours(study, points)),
+        cost=_cost(study, results),
         reasons=list_reasons(study),
     )
 
 
 def _digest(table: pd.DataFrame) -> str:
+    """Compute a digest of the values of a table."""
     return hashlib.sha256(
         pd.util.hash_pandas_object(table, index=False).to_numpy().tobytes()
     ).hexdigest()
 
 
-def _errors(study: Study, points: list[Triple], z: float) -> pd.DataFrame:
+def _judge_points(study: Study, points: list[Triple], z: float) -> Iterator[Placed]:
     """Every section mean and sd of every closure at every point: error, interval, verdict.
 
-    Columns: the fields that vary, then those of `rattle.compare.validation.errors.section_errors`.
+    Columns: those of `rattle.compare.validation.errors.section_errors`.
     """
-    parts = []
     for point, run, predictions in points:
         for prediction in predictions:
             tables = [list_errors([prediction], run, study.within)]
@@ -286,55 +275,45 @@ def _errors(study: Study, points: list[Triple], z: float) -> pd.DataFrame:
                 tables.append(
                     follower_errors(prediction.followers, run.followers, study.within, *codes)
                 )
-            parts += [
-                with_coordinates(
-                    point.coordinates, to_absolute_time(judge_errors(table, z), run.scene)
-                )
-                for table in tables
-            ]
-    none = pd.DataFrame(
-        {"closure": [], "kind": [], "moment": [], "verdict": [], "judged": np.empty(0, bool)}
-    )
-    return pd.concat(parts, ignore_index=True) if parts else none
+            for table in tables:
+                yield point.coordinates, to_absolute_time(judge_errors(table, z), run.scene)
 
 
-def _sections(points: list[Triple]) -> pd.DataFrame:
-    """Section moments of the simulation: a row for each point, impact, quantity and moment.
+def _list_moments(run: Sampled) -> pd.DataFrame:
+    """Section moments of a simulation: a row for each impact, quantity and moment.
 
     Moments ``mean, sd, skew`` of the quantities at each path's k-th impact (the Poincaré section at
     the impacts), and the means of ``energy`` (lost at the impact) and of ``rate`` (impacts so far
-    over their mean time). Columns: the fields that vary, ``impact, quantity, moment, value, se,
-    paths`` (that reached the impact), ``followed`` (all simulated paths) and ``agreement`` (share
-    of all paths on the noise-free itinerary).
+    over their mean time). Columns: ``impact, quantity, moment, value, se, paths`` (that reached the
+    impact), ``followed`` (all simulated paths) and ``agreement`` (share of all paths on the
+    noise-free itinerary).
     """
-    parts = []
-    for point, run, _ in points:
-        s = run.section
-        since = s["tau"] - run.scene.phase  # stored times are counted from the phase of the start
-        rate = s.index.to_numpy() / since
-        columns = [
-            ("rate", "mean", rate, rate * s["se_tau"] / since),
-            ("energy", "mean", s["energy"], s["se_energy"]),
-        ]
-        columns += [
-            (q, moment, s[prefix + q], s["se_" + prefix + q])
-            for moment, prefix in (("mean", ""), ("sd", "sd_"), ("skew", "skew_"))
-            for q in SECTION
-            if run.scene.stages == 2 or q not in STATE[2:]
-        ]
-        for quantity, moment, value, se in columns:
-            if (quantity, moment) == ("tau", "mean"):
-                value = run.scene.to_absolute_time(np.asarray(value))
-            table = pd.DataFrame({"impact": s.index}).assign(quantity=quantity, moment=moment)
-            table = table.assign(
-                value=np.asarray(value), se=np.asarray(se), paths=s["paths"].to_numpy()
-            )
-            table = table.assign(followed=run.paths, agreement=s["agreement"].to_numpy())
-            parts.append(with_coordinates(point.coordinates, table))
-    none = pd.DataFrame(
-        columns=["impact", "quantity", "moment", "value", "se", "paths", "followed", "agreement"]
-    )
-    return pd.concat(parts, ignore_index=True) if parts else none
+    s = run.section
+    since = s["tau"] - run.scene.phase  # stored times are counted from the phase of the start
+    rate = s.index.to_numpy() / since
+    moments = {
+        ("rate", "mean"): (rate, rate * s["se_tau"] / since),
+        ("energy", "mean"): (s["energy"], s["se_energy"]),
+    }
+    absolute = s.assign(tau=run.scene.to_absolute_time(s["tau"].to_numpy()))
+    for moment, prefix in (("mean", ""), ("sd", "sd_"), ("skew", "skew_")):
+        for q in SECTION[: 2 + 2 * run.scene.stages]:
+            moments[q, moment] = (absolute[prefix + q], s["se_" + prefix + q])
+    tables = [
+        pd.DataFrame(
+            {
+                "quantity": quantity,
+                "moment": moment,
+                "value": value,
+                "se": se,
+                "paths": s["paths"],
+                "followed": run.paths,
+                "agreement": s["agreement"],
+            }
+        )
+        for (quantity, moment), (value, se) in moments.items()
+    ]
+    return pd.concat(tables).reset_index()
 
 
 def _correlation(study: Study, points: list[Triple]) -> pd.DataFrame:
@@ -382,27 +361,25 @@ def find_validity(study: Study, errors: pd.DataFrame) -> pd.DataFrame:
     first = study.along
     keys = [*study.others, "closure"]
     verdicts = errors.groupby([*keys, first, "impact"], sort=True)["verdict"].agg(set).reset_index()
-    found = []
+    rows = []
     for key, group in verdicts.groupby(keys, sort=False):
-        said = group.pivot(index=first, columns="impact", values="verdict").sort_index()
+        at = group.pivot(index=first, columns="impact", values="verdict").sort_index()
         inaccurate, wrong, inexact = (  # at one of the first k impacts
-            said.map(what).astype(bool).cummax(axis=1)
+            at.map(what).astype(bool).cummax(axis=1)
             for what in ({Verdict.INACCURATE}.issubset, is_inaccurate, lambda v: not is_accurate(v))
         )
-        for impact in said:
-            found.append(
-                {
-                    **dict(zip(keys, key, strict=True)),
-                    "impact": impact,
-                    "accurate": unbroken(said.index, ~inexact[impact]),
-                    "not_inaccurate": unbroken(said.index, ~wrong[impact]),
-                    "ended": bool((~inaccurate[impact][wrong[impact]][:1]).any()),
-                }
-            )
-    return pd.DataFrame(found).astype({"accurate": float, "not_inaccurate": float})
+        for impact in at:
+            limits = {
+                "impact": impact,
+                "accurate": unbroken(at.index, ~inexact[impact]),
+                "not_inaccurate": unbroken(at.index, ~wrong[impact]),
+                "ended": bool((~inaccurate[impact][wrong[impact]][:1]).any()),
+            }
+            rows.append(dict(zip(keys, key, strict=True)) | limits)
+    return pd.DataFrame(rows).astype({"accurate": float, "not_inaccurate": float})
 
 
-def _pair_neighbours(study: Study, points: list[Triple]) -> pd.DataFrame:
+def _pair_neighbours(study: Study, points: list[Triple]) -> Iterator[Placed]:
     """Differences between neighbours along `along`, with standard errors that use the common random
     numbers.
 
@@ -411,38 +388,36 @@ def _pair_neighbours(study: Study, points: list[Triple]) -> pd.DataFrame:
     own, or too few paths for a standard error.
     """
     if not study.common_noise or not study.along:
-        return pd.DataFrame()
-    others = study.others
+        return
     groups: dict[tuple[Any, ...], list[tuple[float, Sampled]]] = {}
     for point, run, _ in points:
-        key = tuple(point.coordinates[name] for name in others)
+        key = tuple(point.coordinates[name] for name in study.others)
         groups.setdefault(key, []).append((point.coordinates[study.along], run))
-    parts = []
     for key, runs in groups.items():
-        for (low, one), (high, other) in pairwise(sorted(runs, key=lambda pair: pair[0])):
+        for (low, one), (high, other) in pairwise(sorted(runs, key=itemgetter(0))):
             table = compare_paired(one, other)
             if table["se"].notna().any():
-                at = {**dict(zip(others, key, strict=True)), "from": low, "to": high}
-                parts.append(with_coordinates(at, table))
-    return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame()
+                at = dict(zip(study.others, key, strict=True))
+                yield at | {"from": low, "to": high}, table
 
 
-def _cost(study: Study, found: Mapping[str, Any]) -> pd.DataFrame:
+def _cost(study: Study, results: Mapping[str, Any]) -> pd.DataFrame:
     """Seconds of each cell on the machine that computed it; not reproducible."""
-    return pd.DataFrame(
+    rows = [
         {
+            **results[cell.key].facts,
             **point.coordinates,
             "what": getattr(cell, "closure", "monte carlo"),
-            "seconds": facts["seconds"],
         }
-        | {name: facts[name] for name in FACTS_STORED if name in facts}
         for point in study.points
         for cell in point.cells
-        for facts in ([found[cell.key].facts] if cell.key in found else [])
-    )
+        if cell.key in results
+    ]
+    columns = dict.fromkeys([*study.names, "what", "seconds", *FACTS_STORED])
+    return pd.DataFrame(rows, columns=[*columns])
 
 
-def read(given: Mapping[str, Any], varying: set[str]) -> dict[str, Any]:
+def read(given: Mapping[str, Any], varying: set[str]) -> Facts:
     """Read the fields of `Study` that ``[study]`` gives."""
     settings = {name: given[name] for name in SETTING_NAMES if name in given}
     for name, value in settings.items():
@@ -460,15 +435,12 @@ def read(given: Mapping[str, Any], varying: set[str]) -> dict[str, Any]:
         "impacts": count("study.impacts", given.get("impacts", 12)),
         "order": count("study.order", given.get("order", 4), *ORDER_RANGE),
         "settings": settings,
-        "common_noise": _flag("study.common_noise", given.get("common_noise", True)),
-        "on_itinerary": _flag("study.on_itinerary", given.get("on_itinerary", False)),
-        "near_branches": _flag("study.near_branches", given.get("near_branches", False)),
         "within": _within(given.get("within", {})),
-    }
+    } | {name: _flag(f"study.{name}", given.get(name, flag)) for name, flag in FLAGS.items()}
 
 
 def cells(
-    study: Study, scene: Scene, settings: dict[str, Any]
+    study: Study, scene: Scene, settings: Facts
 ) -> tuple[Sample | None, tuple[Prediction, ...], dict[str, str]]:
     """The ensemble of a point, the predictions of the closures that cover its scene, and what
     cannot be computed.
@@ -483,18 +455,16 @@ def cells(
         settings |= {"on_itinerary": study.on_itinerary, "near_branches": study.near_branches}
         sample = check_sample(Sample(scene, study.impacts, seed, **settings))
         if not study.common_noise:
-            own = hashlib.sha256(f"{sample.key} {seed}".encode()).digest()
-            sample = replace(sample, seed=int.from_bytes(own[:8], "little"))
+            digest = hashlib.sha256(f"{sample.key} {seed}".encode()).digest()
+            sample = replace(sample, seed=int.from_bytes(digest[:8], "little"))
     except InputError as error:
         reasons["sample"] = str(error)
     for method in find_closures("study.closures", study.closures):
+        own = method if method.own else None
         try:
             method.check(scene)
-            users = method if method.own else None
             predictions.append(
-                Prediction(
-                    scene, study.impacts, method.name, study.order, users, study.on_itinerary
-                )
+                Prediction(scene, study.impacts, method.name, study.order, own, study.on_itinerary)
             )
         except InputError as error:
             reasons[method.name] = str(error)
@@ -502,25 +472,24 @@ def cells(
 
 
 def _closures(given: Any) -> tuple[str, ...]:
-    if isinstance(given, str) or not isinstance(given, Sequence) or not given:
-        valid = ", ".join(CLOSURES)
-        raise InputError(
-            "study.closures",
-            given,
-            f"give a list of {valid}, or package.module:function of your own",
-        )
+    """Read the names of closures, each once."""
+    if not isinstance(given, list | tuple) or not given:
+        why = f"give a list of {', '.join(CLOSURES)}, or package.module:function of your own"
+        raise InputError("study.closures", given, why)
     return tuple(
         dict.fromkeys(r if ":" in str(r) else choice("study.closures", r, CLOSURES) for r in given)
     )
 
 
 def _flag(field: str, value: Any) -> bool:
+    """Read a field that is true or false."""
     if not isinstance(value, bool):
         raise InputError(field, value, "give true or false")
     return value
 
 
 def _within(given: Any) -> Tolerances:
+    """Read the tolerances."""
     if not isinstance(given, Mapping):
         raise InputError(
             "study.within", given, "write it as a table: within = { mean = 0.05, sd = 0.10 }"

@@ -6,6 +6,7 @@ from typing import Any
 
 import pandas as pd
 
+from rattle.compare.report.render import render_sentences
 from rattle.compare.report.texts import CLOSURE_TERMS, SECTION_TERMS, VERDICT_TERMS
 from rattle.compare.study.estimate import scaling
 from rattle.compare.study.figures import STUDY_FIGURES, panels
@@ -35,66 +36,44 @@ def answer(r: Tables) -> list[str]:
     Returns: Advice, the range of validity of each closure over all impacts, and the itinerary
     agreement after the last.
     """
-    sentences = []
-    table = r.validity
     impacts = r.study.impacts
-    if not table.empty:
-        last = table[table["impact"] == impacts]
-        name = r.study.along
-        values = r.errors[name]
-        sentences = [
-            _advice(last, impacts, name, values.max()),
-            f"Every section mean and sd of {impacts} impacts, {name} = {span(values, '.4g')}:",
-            *_ranges(r, r.of_all_paths, last),
-        ]
-        if not (apart := r.errors[r.errors["kind"] == ON_ITINERARY]).empty:
-            last = find_validity(r.study, apart).query("impact == @impacts")
-            sentences += [
-                "Of the paths on the noise-free itinerary alone:",
-                *_ranges(r, apart, last),
-            ]
-    reached = r.sections[(r.sections["quantity"] == "tau") & (r.sections["moment"] == "mean")]
-    shares = reached[reached["impact"] == impacts]["agreement"]
-    if len(shares):
-        sentences.append(
-            f"After {impacts} impacts {span(shares, '.1%')} of the paths are on the noise-free"
-            " itinerary."
-        )
-    return sentences or ["No point could be computed; the command says why."]
-
-
-def _advice(last: pd.DataFrame, impacts: int, name: str, largest: float) -> str:
-    """Which closure is accurate furthest, wherever the other fields of the study lie."""
-    accurate, open_to = (_everywhere(last, column) for column in ("accurate", "not_inaccurate"))
-    shown = name if name != "sigma" else "σ"
-    over = f"over {impacts} impacts"
-    if accurate.empty and not open_to.empty:
-        each = join_words([f"`{c}` up to {shown} = {x:.4g}" for c, x in open_to.items()])
-        return (
-            f"Undecided: no closure is shown to be accurate {over} in every row of this study. Not"
-            f" shown to be wrong: {each}. More paths would settle it; until then simulate."
-        )
-    if accurate.empty:
-        some = [f"`{c}`" for c in last[last["accurate"].notna()]["closure"].unique()]
-        where = f"; {join_words(some)} {'is' if len(some) == 1 else 'are'} at some" if some else ""
-        return f"Simulate: no closure is accurate {over} in every row of this study{where}."
-    best = [f"`{closure}`" for closure in accurate.index[accurate == accurate.max()]]
-    take = f"Take {' or '.join(best)} up to {shown} = {accurate.max():.4g}"
-    if accurate.max() >= largest:
-        return f"{take}, the largest of this study: all means and sds {over} are accurate there."
-    return (
-        f"{take}; beyond it simulate: no closure is shown to be accurate {over} everywhere there."
+    shares = r.sections.query("quantity == 'tau' and moment == 'mean' and impact == @impacts")
+    agreement = span(shares["agreement"], ".1%") if len(shares) else ""
+    if r.validity.empty:
+        return render_sentences("study/answer.j2", impacts=impacts, agreement=agreement, ranges=[])
+    last = r.validity[r.validity["impact"] == impacts]
+    name = r.study.along
+    symbol = "σ" if name == "sigma" else name
+    values = r.errors[name]
+    apart = r.errors[r.errors["kind"] == ON_ITINERARY]
+    of_followers = find_validity(r.study, apart)
+    partly = last["closure"][last["accurate"].notna()].unique()
+    return render_sentences(
+        "study/answer.j2",
+        impacts=impacts,
+        agreement=agreement,
+        name=name,
+        symbol=symbol,
+        values=span(values, ".4g"),
+        largest=values.max(),
+        accurate=_everywhere(last, "accurate").to_dict(),
+        not_wrong=[
+            f"`{closure}` up to {symbol} = {limit:.4g}"
+            for closure, limit in _everywhere(last, "not_inaccurate").items()
+        ],
+        partly=[f"`{closure}`" for closure in partly],
+        ranges=_ranges(r, r.of_all_paths, last),
+        on_itinerary=_ranges(r, apart, of_followers[of_followers["impact"] == impacts])
+        if len(apart)
+        else [],
+        join_words=join_words,
     )
 
 
 def _everywhere(last: pd.DataFrame, column: str) -> pd.Series:
     """The least range of each closure over the other fields; without those that have none
     somewhere."""
-    return (
-        last.groupby("closure", sort=False)[column]
-        .agg(lambda limits: limits.min(skipna=False))
-        .dropna()
-    )
+    return last.groupby("closure", sort=False)[column].min(skipna=False).dropna()
 
 
 def _ranges(r: Tables, errors: pd.DataFrame, last: pd.DataFrame) -> list[str]:
@@ -106,28 +85,33 @@ def _ranges(r: Tables, errors: pd.DataFrame, last: pd.DataFrame) -> list[str]:
 def _range_in_words(r: Tables, errors: pd.DataFrame, rows: pd.DataFrame) -> str:
     """A closure's range of validity at each value of the other fields; of many, only the smallest
     and the largest."""
-    found: dict[str, list[str]] = {}  # values of the other fields, by the sentence that holds there
-    for row in rows.sort_values(["accurate", "not_inaccurate"], na_position="first").to_dict(
-        "records"
-    ):
-        own = errors[(errors["closure"] == row["closure"]) & errors["judged"]]
-        for name in r.study.others:
-            own = own[own[name] == row[name]]
-        values = sorted(own[r.study.along].unique())
-        lacking = want(own[own[r.study.along] <= row["not_inaccurate"]])
-        ends = (row["accurate"], row["not_inaccurate"])
-        exact = [value for value, at in own.groupby(r.study.along) if is_accurate(at["verdict"])]
-        said = in_words(
-            r.study.along, values, *ends, ended=row["ended"], undecided=lacking, exact=exact
+    places: dict[
+        str, list[str]
+    ] = {}  # values of the other fields, by the sentence that holds there
+    ranges = rows.sort_values(["accurate", "not_inaccurate"], na_position="first")
+    judged = errors[errors["judged"]]
+    for row in ranges.to_dict("records"):
+        fixed = ["closure", *r.study.others]
+        here = judged[(judged[fixed] == [row[name] for name in fixed]).all(axis="columns")]
+        along = here[r.study.along]
+        values = sorted(along.unique())
+        sentence = in_words(
+            r.study.along,
+            values,
+            row["accurate"],
+            row["not_inaccurate"],
+            ended=row["ended"],
+            undecided=want(here[along <= row["not_inaccurate"]]),
+            exact=[v for v in values if is_accurate(here.loc[along == v, "verdict"])],
         )
-        found.setdefault(said, []).append(
-            ", ".join(f"{name} = {row[name]}" for name in r.study.others)
-        )
-    if len(found) == 1:
-        return next(iter(found))
-    if len(found) <= MOST_RANGES_LISTED:
-        return "; ".join(f"{said} (at {' and '.join(where)})" for said, where in found.items())
-    (least, low), *_, (most, high) = found.items()
+        place = ", ".join(f"{name} = {row[name]}" for name in r.study.others)
+        places.setdefault(sentence, []).append(place)
+    if len(places) == 1:
+        return next(iter(places))
+    if len(places) <= MOST_RANGES_LISTED:
+        listed = (f"{sentence} (at {' and '.join(at)})" for sentence, at in places.items())
+        return "; ".join(listed)
+    (least, low), *_, (most, high) = places.items()
     return f"from {least} (at {low[0]}) to {most} (at {high[-1]})"
 
 
@@ -136,26 +120,22 @@ def draw(r: Tables) -> list[Drawing]:
     drawn = []
     for name, plot in STUDY_FIGURES.items():
         for number, (fixed, part) in enumerate(panels(r.study, getattr(r, plot.table)), 1):
-            own = f"figures/{name}-{number}" if fixed else f"figures/{name}"
+            file = f"figures/{name}-{number}" if fixed else f"figures/{name}"
             at = ", ".join(f"{field} = {v}" for field, v in fixed.items())
-            drawn.append(
-                Drawing(
-                    own, plot.figure(r, part), f"{plot.title} ({at})." if at else f"{plot.title}."
-                )
-            )
+            caption = f"{plot.title} ({at})." if at else f"{plot.title}."
+            drawn.append(Drawing(file, plot.figure(r, part), caption))
     return drawn
 
 
 def content(r: Tables, seconds: Mapping[str, float]) -> dict[str, Any]:
     """What the template of the page shows: counts of verdicts, and the cost."""
-    groups = r.of_all_paths.groupby(["closure", "moment"], sort=False)["verdict"]
-    counts = [
-        {"closure": c, "moments": f"{m}s"} | {v: int((said == v).sum()) for v in Verdict}
-        for (c, m), said in groups
-    ]
+    rows = r.of_all_paths
+    kinds = [rows["closure"], rows["moment"] + "s"]
+    verdicts = pd.DataFrame({verdict: rows["verdict"] == verdict for verdict in Verdict})
+    counts = verdicts.groupby(kinds, sort=False).sum().rename_axis(["closure", "moments"])
     cost = r.cost.groupby("what", sort=False)["seconds"].agg(["count", "median", "sum"])
     return {
-        "counts": pd.DataFrame(counts),
+        "counts": counts.reset_index(),
         "cost": cost.reset_index(),
         "scaling": scaling(r.study.cells, seconds),
         "rule": RULE,

@@ -51,12 +51,8 @@ class Parameter(NamedTuple):
         """What it is, in words."""
         if self.name.startswith("drive."):
             return f"order {self.name.split('.')[1]} of the drive"
-        kind = self.name.rstrip("12")
-        return (
-            PARAMETER_WORDS[kind].format(self.name[-1])
-            if kind in PARAMETER_WORDS
-            else f"`{self.name}`"
-        )
+        words = PARAMETER_WORDS.get(self.name.rstrip("12"))
+        return words.format(self.name[-1]) if words else f"`{self.name}`"
 
 
 def find_parameters(scene: Scene, absent: bool = False) -> dict[str, Parameter]:
@@ -104,21 +100,19 @@ def find_parameter(scene: Scene, name: str, asked: str = "over") -> Parameter:
     if not ORDER_FIELD.fullmatch(name):
         missing = (*known, *NOT_REAL, *(SECOND if scene.stages == 1 else ()))
         choice(asked, name, [*known, *(other for other in SCENE_FIELDS if other not in missing)])
-    phases = {f"drive.{one.order}.phase": one.phase for one in scene.drive}
-    own: Any = scene
+    value: Any = scene
     for field in name.split("."):
-        own = getattr(own, field, 0.0)
-    return Parameter(name, phases.get(name, own), "", _at(scene, name))
+        value = getattr(value, field, 0.0)
+    phases = {f"drive.{one.order}.phase": one.phase for one in scene.drive}
+    return Parameter(name, phases.get(name, value), "", _at(scene, name))
 
 
 def _at(scene: Scene, name: str) -> Callable[[float], Scene]:
     """The scene as a function of one of its parameters."""
-
-    base = table_of(scene)
-    if name.startswith("gap") and not has_own_start(scene):
-        del base["start"]
+    base = table_of(scene, own_start=not name.startswith("gap") or has_own_start(scene))
 
     def changed(value: float) -> Scene:
+        """The scene with this value of the parameter."""
         if is_value(name, scene.gears):
             return scene_with(scene, {name: value})
         return replace(make_scene(base, {name: value}), gears=scene.gears)

@@ -1,6 +1,7 @@
 """The figures of a trade-off: error against processor time of all schemes and closures; error
 against the step."""
 
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -12,11 +13,12 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import NullFormatter
 
 from rattle.compare.report.style import STYLE, SYMBOL, legend_above, new_figure
+from rattle.montecarlo.settings import EXACT_SCHEME
 
 SCHEME_STYLES = {
     "euler-maruyama": {"color": "#CC79A7", "marker": "P"},
     "euler-maruyama-located": {"color": "#56B4E9", "marker": "X"},
-    "exact-flight": STYLE["monte carlo"],
+    EXACT_SCHEME: STYLE["monte carlo"],
 }
 MEASURED_MARK = Line2D([], [], ls="-", marker="D", ms=5, color="0.4", label="measured")
 EXTRAPOLATED = Line2D(
@@ -41,18 +43,13 @@ def tradeoff_figure(
         _scheme(ax, str(name), rows, slopes[str(name)]) for name, rows in schemes
     ]
     multilevel = points[points["kind"] == "multilevel"].groupby("method", sort=False)
-    for method, rows in [*multilevel, ("exact-flight", means_alone)]:
-        colour = (
-            SCHEME_STYLES[method.removeprefix("multilevel ")]["color"]
-            if method != "exact-flight"
-            else "k"
-        )
+    for method, rows in [*multilevel, (EXACT_SCHEME, means_alone)]:
         handles += ax.plot(
             rows["core_seconds"],
             rows["error"],
             ls="-.",
             lw=1.1,
-            color=colour,
+            color=SCHEME_STYLES[method.removeprefix("multilevel ")]["color"],
             label=f"{method}: means",
         )
     handles += [_closure(ax, row) for _, row in points[points["kind"] == "closure"].iterrows()]
@@ -84,43 +81,38 @@ MOMENT_NAMES = {"mean": "section means", "sd": "section sds", "itinerary": "itin
 def order_figure(changes: pd.DataFrame) -> Figure:
     """Change against the step: a row of panels for each noise intensity and scheme, a panel for
     each kind of moment."""
-    pairs = list(dict.fromkeys(zip(changes["sigma"], changes["scheme"], strict=True)))
-    figure, axes = new_figure(9.6, 2.7 * len(pairs), len(pairs), len(MOMENT_NAMES))
-    for i, (sigma, scheme) in enumerate(pairs):
-        for j, (moment, title) in enumerate(MOMENT_NAMES.items()):
-            ax = axes[len(MOMENT_NAMES) * i + j]
-            of = (
-                (changes["sigma"] == sigma)
-                & (changes["scheme"] == scheme)
-                & (changes["moment"] == moment)
-            )
-            _changes(ax, changes[of].dropna(subset=["change"]))
-            ax.set_title(rf"{scheme}: {title}, $\sigma$ = {sigma:.3g}", fontsize=8.0)
-            ax.set_xlabel("dt")
-            ax.set_ylabel(
-                "change from dt to dt / 2 (sds)" if moment != "itinerary" else "error", fontsize=8.0
-            )
+    runs = changes.groupby(["sigma", "scheme"], sort=False)
+    figure, axes = new_figure(9.6, 2.7 * len(runs), len(runs), len(MOMENT_NAMES))
+    for ax, (((sigma, scheme), rows), moment) in zip(
+        axes, product(runs, MOMENT_NAMES), strict=True
+    ):
+        _changes(ax, rows[rows["moment"] == moment].dropna(subset=["change"]))
+        title = rf"{scheme}: {MOMENT_NAMES[moment]}, $\sigma$ = {sigma:.3g}"
+        ax.set_title(title, fontsize=8.0)
+        ax.set_xlabel("dt")
+        label = "error" if moment == "itinerary" else "change from dt to dt / 2 (sds)"
+        ax.set_ylabel(label, fontsize=8.0)
     legend_above(figure, axes, 7)
     return figure
 
 
-def _changes(ax: Axes, own: pd.DataFrame) -> None:
+def _changes(ax: Axes, changes: pd.DataFrame) -> None:
     """A line for each quantity with its intervals, and slope 1 through the largest change."""
     ax.set_xscale("log", base=2)
     ax.set_yscale("log")
-    for quantity, rows in own.groupby("quantity", sort=False):
+    for quantity, rows in changes.groupby("quantity", sort=False):
         away = [rows["change"] - rows["low"], rows["high"] - rows["change"]]
         style = QUANTITY_STYLES.get(str(quantity), {"color": "k", "marker": "o"})
         label = SYMBOL.get(str(quantity), "itinerary")
         ax.errorbar(rows["dt"], rows["change"], away, ms=4, lw=1.1, capsize=2, label=label, **style)
-    if len(own):
-        ends = np.array([own["dt"].min(), own["dt"].max()])
-        first = own["change"].max()
+    if len(changes):
+        ends = np.array([changes["dt"].min(), changes["dt"].max()])
+        first = changes["change"].max()
         ax.plot(ends, first * ends / ends[1], color="0.7", lw=1.0, zorder=0, label="slope 1")
-        bottom = np.floor(np.log10(0.5 * own["change"].min()))
-        top = np.ceil(np.log10(own["high"].max()))
+        bottom = np.floor(np.log10(0.5 * changes["change"].min()))
+        top = np.ceil(np.log10(changes["high"].max()))
         ax.set_ylim(10.0**bottom, 10.0**top)
-    steps = sorted(own["dt"].unique())
+    steps = sorted(changes["dt"].unique())
     ax.set_xticks(steps, [f"{step:g}" for step in steps], minor=False)
     ax.yaxis.set_minor_formatter(NullFormatter())
 
@@ -137,8 +129,8 @@ def _scheme(ax: Axes, scheme: str, rows: pd.DataFrame, slope: float) -> Artist:
     ax.plot(x, y, ls="--", lw=1.3, color=style["color"])
     for i in np.flatnonzero(measured[:-1] & measured[1:]):
         ax.plot(x[i : i + 2], y[i : i + 2], ls="-", lw=1.8, color=style["color"])
-    ax.plot(x[measured], y[measured], ls="none", ms=7, **style)
-    ax.plot(x[~measured], y[~measured], ls="none", ms=7, mfc="white", **style)
+    for points, face in ((measured, style["color"]), (~measured, "white")):
+        ax.plot(x[points], y[points], ls="none", ms=7, mfc=face, **style)
     ax.plot(missed["core_seconds"], missed["error"], ls="none", ms=7, alpha=0.35, **style)
     grows = "" if np.isnan(slope) else rf", cost $\propto$ error$^{{{slope:.1f}}}$"
     return Line2D([], [], ms=7, lw=1.8, label=scheme + grows, **style)

@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from itertools import product
-from typing import Any, NamedTuple, TypeVar
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 import pandas as pd
@@ -102,7 +102,7 @@ class CostModel:
     def from_pilots(cls, scene: Scene, scheme: str, again: Callable[..., Ensemble]) -> "CostModel":
         """Fit the model to pilot runs: one for a scheme without step bias, else a second one with a
         shorter step."""
-        first, seconds = _least(lambda: pilot(scene, scheme, again))
+        first, seconds = _least(partial(pilot, scene, scheme, again))
         if not SCHEMES[scheme].has_step_bias:
             return cls(scheme, first, 0.0, seconds / first.path_steps, seconds, 0.0, first)
         longer = partial(again, paths=first.paths, scheme=scheme, dt=first.dt / PILOT_STEP_RATIO)
@@ -134,16 +134,22 @@ class CostModel:
         `accuracy`: Error that with 95 % probability no section mean or sd exceeds, in sds.
         """
         room = 0.5 * accuracy if self.bias else accuracy
-        run = max((self.best, self.shared or self.best), key=lambda found: found.paths)
+        run = max(self.best, self.shared or self.best, key=lambda run: run.paths)
         paths = count_to(run, room)
         dt = min(self.first.dt, room / self.bias) if self.bias else self.first.dt
-        seconds = self.pilot_seconds + paths * (
-            self.path_seconds + self.step_seconds * self.steps(dt)
-        )
-        errors = sampling_error(run)[0] * math.sqrt(run.paths / paths), self.bias * dt
-        work = self.work(self.first, paths, dt)
+        path_seconds = self.path_seconds + self.step_seconds * self.steps(dt)
         return CostPoint(
-            self.scheme, "scheme", accuracy, dt, paths, seconds, *errors, accuracy, False, work=work
+            self.scheme,
+            "scheme",
+            accuracy,
+            dt,
+            paths,
+            core_seconds=self.pilot_seconds + paths * path_seconds,
+            sampling_error=sampling_error(run)[0] * math.sqrt(run.paths / paths),
+            step_error=self.bias * dt,
+            error=accuracy,
+            measured=False,
+            work=self.work(self.first, paths, dt),
         )
 
     def work(self, run: Ensemble, paths: int, dt: float) -> float:
@@ -161,11 +167,9 @@ class CostModel:
         """
         share = 4.0 / 7.0 if self.bias else 1.0  # 1 : 1/2 : 1/4 steps of dt, 2 dt and 4 dt
         steps = self.steps(self.at(accuracy).dt) * share
-        return (
-            1e-9 * step_ns * steps
-            if step_ns
-            else self.path_seconds * share + self.step_seconds * steps
-        )
+        if step_ns:
+            return 1e-9 * step_ns * steps
+        return self.path_seconds * share + self.step_seconds * steps
 
 
 def _least(call: Callable[[], T]) -> tuple[T, float]:
@@ -219,19 +223,21 @@ def _measure_point(
             partial(asked, accuracy=accuracy, scheme=model.scheme, budget=BUSY * budget)
         )
     model.learn(run)
-    point = model.at(accuracy)
     reach = run.reach
     assert reach is not None
     if not reach.reached:
-        return point, None
-    work = model.work(run, run.paths, run.dt)
-    point = point._replace(
-        dt=run.dt, paths=run.paths, core_seconds=seconds, work=work, measured=True
+        return model.at(accuracy), None
+    measured = point._replace(
+        dt=run.dt,
+        paths=run.paths,
+        core_seconds=seconds,
+        sampling_error=reach.sampling,
+        step_error=reach.step,
+        error=reach.bound,
+        work=model.work(run, run.paths, run.dt),
+        measured=True,
     )
-    return (
-        point._replace(sampling_error=reach.sampling, step_error=reach.step, error=reach.bound),
-        run,
-    )
+    return measured, run
 
 
 def find_plain(runs: Sequence[Ensemble]) -> Ensemble:
@@ -240,58 +246,55 @@ def find_plain(runs: Sequence[Ensemble]) -> Ensemble:
     return max((run for run in runs if run.plan.mixture is None), key=lambda run: run.paths)
 
 
-def _section_rows(scene: Scene) -> list[tuple[str, str]]:
-    """Column and quantity of every section mean and sd of a scene."""
-    return [(prefix + q, q) for q in SECTION[: 2 + 2 * scene.stages] for prefix in ("", "sd_")]
+def _moments(scene: Scene) -> list[str]:
+    """Columns of every section mean and sd of a scene."""
+    return [prefix + q for q in SECTION[: 2 + 2 * scene.stages] for prefix in ("", "sd_")]
 
 
-def _differences(section: pd.DataFrame, reference: Ensemble) -> Floats:
-    """Section means and sds minus those of a simulation, in units of its sds, shape (rows,
-    impacts)."""
+def _in_sds(table: pd.DataFrame, reference: Ensemble, prefix: str = "") -> Floats:
+    """What a table holds of each section mean and sd, in units of the sds of a simulation, shape
+    (rows, impacts)."""
     unit = units(reference)
-    own = section.reindex(reference.section.index)
-    return np.array(
-        [
-            (own[name] - reference.section[name]) / unit[q]
-            for name, q in _section_rows(reference.scene)
-        ]
-    )
+    names = _moments(reference.scene)
+    return np.array([table[prefix + name] / unit[name.removeprefix("sd_")] for name in names])
+
+
+def _errors(section: pd.DataFrame, reference: Ensemble) -> Floats:
+    """Distances of section means and sds from those of a simulation, in its sds, shape (rows,
+    impacts)."""
+    aligned = section.reindex(reference.section.index)
+    return np.abs(_in_sds(aligned - reference.section, reference))
 
 
 def closure_points(scene: Scene, impacts: int, reference: Ensemble) -> Iterator[CostPoint]:
     """Worst and median error of every closure that can be applied to the scene, and its time."""
-    columns = _section_rows(scene)
-    unit = units(reference)
     closures = closures_for(scene)
-    z = widest(len(columns) * impacts * len(closures))
-    half = z * np.array([reference.section["se_" + name] / unit[q] for name, q in columns])
+    z = widest(len(_moments(scene)) * impacts * len(closures))
+    half = z * _in_sds(reference.section, reference, "se_")
     for closure in closures:
-        found, seconds = _least(partial(mean_map, scene, impacts=impacts, closure=closure))
-        error = np.abs(_differences(found.section, reference))
+        prediction, seconds = _least(partial(mean_map, scene, impacts=impacts, closure=closure))
+        error = _errors(prediction.section, reference)
         seen = np.isfinite(error)
         error = error[seen]
         noise = half[seen]
         worst = int(error.argmax())
         resolved = bool(error[worst] > noise[worst])
-        bound = float(error[worst] if resolved else (error + noise).max())
-        point = CostPoint(
+        yield CostPoint(
             closure,
             "closure",
-            math.nan,
-            math.nan,
-            0,
-            seconds,
-            float(noise[worst]),
-            0.0,
-            bound,
-            True,
+            accuracy=math.nan,
+            dt=math.nan,
+            paths=0,
+            core_seconds=seconds,
+            sampling_error=float(noise[worst]),
+            step_error=0.0,
+            error=float(error[worst] if resolved else (error + noise).max()),
+            measured=True,
+            median_error=float(np.median(error)),
+            resolved=resolved,
+            rows=error.size,
+            work=closure_seconds(prediction),
         )
-        more: dict[str, Any] = {
-            "median_error": float(np.median(error)),
-            "resolved": resolved,
-            "rows": error.size,
-        }
-        yield point._replace(work=closure_seconds(found), **more)
 
 
 def _compare(
@@ -301,7 +304,7 @@ def _compare(
     from the model."""
     if run is None or run.paths >= reference.paths:
         return [point]
-    actual = float(np.nanmax(np.abs(_differences(run.section, reference))))
+    actual = float(np.nanmax(_errors(run.section, reference)))
     point = point._replace(actual_error=actual)
     if actual <= point.accuracy * (1.0 + math.sqrt(run.paths / reference.paths)):
         return [point]
@@ -314,7 +317,7 @@ def _compare(
 def bound_of_means(standard_error: float, scene: Scene, impacts: int) -> float:
     """What with 95 % probability none of the section means is off by more than, from their largest
     standard error."""
-    return widest(len(_section_rows(scene)) // 2 * impacts) * standard_error
+    return widest(len(_moments(scene)) // 2 * impacts) * standard_error
 
 
 def multilevel_points(
@@ -322,10 +325,10 @@ def multilevel_points(
 ) -> Iterator[CostPoint]:
     """Cost of the cheapest multilevel estimator of the means for each Euler scheme, from the
     analysis of its levels."""
-    for (scheme, found), a in product(levels.items(), accuracies):
-        e = found.estimate(a)
+    for (scheme, differences), a in product(levels.items(), accuracies):
+        e = differences.estimate(a)
         error = bound_of_means(a, scene, impacts) + a
-        dt = found.table["dt"].iloc[0] / 2.0**e.last
+        dt = differences.table["dt"].iloc[0] / 2.0**e.last
         yield CostPoint(
             f"multilevel {scheme}", "multilevel", a, dt, 0, e.seconds, a, a, error, False
         )
@@ -339,12 +342,12 @@ def means_seconds(
     `control`: Whether by the standard errors of the run, with the control variate or with paths
     near rare branches.
     """
-    unit = units(model.best)
     section = model.best.section
-    n = section["paths"].to_numpy(float)[:, None]
-    spread = section[["sd_" + q for q in SECTION]].to_numpy()
-    errors = section[["se_" + q for q in SECTION]].to_numpy() * np.sqrt(n) if control else spread
-    share = errors / unit.to_numpy()
+    error = section[["sd_" + q for q in SECTION]].to_numpy()
+    if control:
+        paths = section["paths"].to_numpy(float)[:, None]
+        error = section[["se_" + q for q in SECTION]].to_numpy() * np.sqrt(paths)
+    share = error / units(model.best).to_numpy()
     one = float(np.nanmedian(share) if typical else np.nanmax(share))
     return (one / accuracy) ** 2 * cost_of(model.first, 1).core_seconds
 
@@ -354,15 +357,14 @@ def slope(points: pd.DataFrame, method: str, measured: bool) -> tuple[float, int
 
     Points so rough that the minimal number of paths determines their cost are left out.
     """
-    rows = points[
-        (points["method"] == method) & (points["paths"] > FEWEST_PATHS) & ~points["missed"]
-    ]
-    rows = rows[rows["measured"]] if measured else rows
+    fitted = (points["paths"] > FEWEST_PATHS) & ~points["missed"]
+    if measured:
+        fitted &= points["measured"]
+    rows = points[fitted & (points["method"] == method)]
     if len(rows) < 2:
         return math.nan, len(rows)
-    return float(np.polyfit(np.log(rows["accuracy"]), np.log(rows["core_seconds"]), 1)[0]), len(
-        rows
-    )
+    power, _ = np.polyfit(np.log(rows["accuracy"]), np.log(rows["core_seconds"]), 1)
+    return float(power), len(rows)
 
 
 def measure(
@@ -384,35 +386,43 @@ def measure(
     of the paper.
     """
     scene = base.phase_reduced  # so that a late start loses no digits of the times
-    common: dict[str, Any] = {"impacts": impacts, "workers": workers}
-    again, asked = (partial(run, scene, rng=seed, **common) for run in (simulate, simulate_to))
+    again, asked = (
+        partial(run, scene, impacts=impacts, rng=seed, workers=workers)
+        for run in (simulate, simulate_to)
+    )
     models: dict[str, CostModel] = {}
-    found: dict[str, list[tuple[CostPoint, Ensemble | None]]] = {scheme: [] for scheme in SCHEMES}
+    runs: dict[str, list[tuple[CostPoint, Ensemble | None]]] = {scheme: [] for scheme in SCHEMES}
     exact, *euler = sorted(SCHEMES, key=lambda name: SCHEMES[name].has_step_bias)
     with ProgressBar(label="accuracy", total=len(SCHEMES) * len(accuracies), unit="point") as bar:
         for scheme in (exact, *euler):
             model = models[scheme] = CostModel.from_pilots(scene, scheme, again)
             model.shared = find_plain(
-                [models[exact].first, *(run for _, run in found[exact] if run)]
+                [models[exact].first, *(run for _, run in runs[exact] if run)]
             )
             for accuracy in accuracies:
                 bar.set_postfix_str(f"{scheme}, {accuracy:g}")
-                found[scheme].append(_measure_point(model, accuracy, budget, asked))
+                runs[scheme].append(_measure_point(model, accuracy, budget, asked))
                 bar.update()
     reference = models[exact].best
-    levels = {scheme: measure_levels(scene, scheme, seed=seed, **common) for scheme in euler}
+    levels = {
+        scheme: measure_levels(scene, scheme, impacts=impacts, seed=seed, workers=workers)
+        for scheme in euler
+    }
     points = []
     for scheme in SCHEMES:
-        for point, run in found[scheme]:
-            point = point._replace(rows=len(_section_rows(scene)) * impacts)
+        for point, run in runs[scheme]:
+            point = point._replace(rows=len(_moments(scene)) * impacts)
             points += _compare(point, run, models[scheme], reference)
     points += multilevel_points(levels, accuracies, scene, impacts)
     points += closure_points(scene, impacts, reference)
-    table = pd.DataFrame(points, columns=list(CostPoint._fields))
-    models = {name: models[name] for name in SCHEMES}
-    control = control_table(
-        base, seed=seed, sigmas=() if base.correlation_time else MEASURED_SIGMAS, **common
-    )
+    noises = () if base.correlation_time else MEASURED_SIGMAS
     sigmas = sorted({base.sigma, base.alpha**0.5})  # its own, and the paper's
-    slopes = orders_over(base, sigmas, rng=seed, workers=workers) if orders else None
-    return Tradeoff(table, accuracies, models, levels, reference, control, slopes)
+    return Tradeoff(
+        pd.DataFrame(points, columns=list(CostPoint._fields)),
+        accuracies,
+        {name: models[name] for name in SCHEMES},
+        levels,
+        reference,
+        control_table(base, impacts=impacts, seed=seed, workers=workers, sigmas=noises),
+        orders_over(base, sigmas, rng=seed, workers=workers) if orders else None,
+    )

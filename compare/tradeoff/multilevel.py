@@ -12,19 +12,19 @@ import time
 from collections.abc import Callable, Sequence
 from functools import partial
 from math import comb
-from typing import Any, NamedTuple, TypeVar
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 import pandas as pd
 from scipy import stats
 
-from rattle.montecarlo import Ensemble, Record, Sampling, default_step, largest_step, simulate
+from rattle.montecarlo import Ensemble, Record, Sampling, largest_step, simulate
 from rattle.montecarlo.accuracy.cost import cost_of
 from rattle.montecarlo.diagnostics.accuracy import smallest_sd, units
+from rattle.montecarlo.diagnostics.reference import at_wall
 from rattle.montecarlo.kernel.block import Plan, sample
 from rattle.montecarlo.noise.philox import LEVELS as SIDE_BY_SIDE
-from rattle.montecarlo.settings import plan_of
-from rattle.montecarlo.statistics.central_sums import CentralSums
+from rattle.montecarlo.settings import EXACT_SCHEME
 from rattle.scene import SECTION, Floats, Scene
 from rattle.scene.progress import ProgressBar
 
@@ -53,8 +53,13 @@ class Rate(NamedTuple):
     half: float  # half width of the slope's 95 % interval
     intercept: float
 
+    @property
+    def decay(self) -> float:
+        """The power of two by which it falls from level to level."""
+        return -self.slope
 
-def fit(level: Floats, value: Floats) -> Rate:
+
+def fit(level: "Floats | pd.Series", value: "Floats | pd.Series") -> Rate:
     """Fit an exponential by a straight line through the binary logarithms.
 
     Shapes: `level`, `value` (levels,).
@@ -97,14 +102,10 @@ class Levels(NamedTuple):
     def estimate(self, accuracy: float) -> MultilevelCost:
         """Cost of an optimal estimator whose standard error and bias are each within the
         accuracy."""
-        t = self.table
-        single = self.single.max(axis=1), np.median(self.single, axis=1)
-        last, seconds = self._cheapest(
-            self.alpha, self.beta, t["variance_worst"], single[0], accuracy
-        )
-        _, typical = self._cheapest(
-            self.typical_alpha, self.typical_beta, t["variance_median"], single[1], accuracy
-        )
+        worst = self.table["variance_worst"], self.single.max(axis=1)
+        median = self.table["variance_median"], np.median(self.single, axis=1)
+        last, seconds = self._cheapest(self.alpha, self.beta, *worst, accuracy)
+        _, typical = self._cheapest(self.typical_alpha, self.typical_beta, *median, accuracy)
         return MultilevelCost(last, seconds, typical)
 
     def _cheapest(
@@ -147,79 +148,89 @@ def giles_cost(variance: Floats, seconds: Floats, accuracy: float) -> float:
 def measure_levels(scene: Scene, scheme: str, *, impacts: int, seed: int, workers: int) -> Levels:
     """Run every level with its own random numbers, and tabulate the level differences."""
     longest = 0.99 * largest_step(scene, scheme)[0] / 2 ** (SIDE_BY_SIDE - 1)
+    call = partial(
+        simulate,
+        scene,
+        paths=LEVEL_PATHS,
+        impacts=impacts,
+        scheme=scheme,
+        workers=workers,
+        record=Record(step_bias=True),
+    )
     seeds = np.random.SeedSequence([seed, MULTILEVELS]).spawn(MULTILEVELS)
-    common: dict[str, Any] = {
-        "paths": LEVEL_PATHS,
-        "impacts": impacts,
-        "scheme": scheme,
-        "workers": workers,
-    }
-    common["record"], dt = Record(step_bias=True), min(COARSEST_STEP, longest)
     bar = ProgressBar(seeds, label=f"levels of {scheme}", unit="level", leave=False)
+    dt = min(COARSEST_STEP, longest)
     return levels_of(
-        [simulate(scene, dt=dt / 2**level, rng=own, **common) for level, own in enumerate(bar)]
+        [call(dt=dt / 2**level, rng=seed_of_level) for level, seed_of_level in enumerate(bar)]
     )
 
 
 def levels_of(runs: Sequence[Ensemble]) -> Levels:
     """Tabulate the level differences of runs at halved steps."""
-    unit = units(runs[-1]).to_numpy()
+    unit = units(runs[-1]).to_numpy().ravel()
     seen = [run.result.sums["fine_coarse"] for run in runs]
-    single = []
-    rows = []
-    for level, (run, sums) in enumerate(zip(runs, seen, strict=True)):
-        m = sums.moment
-        work = cost_of(run, 1).core_seconds
-        v = np.maximum(m(2, 0) - 2.0 * m(1, 1) + m(0, 2), 0.0)
-        fourth = sum((-1) ** q * comb(4, q) * m(4 - q, q) for q in range(5))
-        kurtosis = np.divide(fourth, v**2, out=np.zeros_like(v), where=v > 0.0)
-        mean = np.abs(sums.mean[0] - sums.mean[1]) / unit
-        noise = np.sqrt(v / sums.n) / unit
-        worst = np.unravel_index(int(mean.argmax()), mean.shape)
-        rows.append(
-            {
-                "scheme": run.scheme,
-                "level": level,
-                "dt": run.dt,
-                "mean_worst": float(mean[worst]),
-                "se_mean_worst": float(noise[worst]),
-                "mean_median": float(np.median(mean)),
-                "variance_worst": float((v / unit**2).max()),
-                "variance_median": float(np.median(v / unit**2)),
-                "kurtosis": float(kurtosis.max()),
-                "alarm": bool(kurtosis.max() > KURTOSIS_ALARM),
-                "consistency": _consistency(seen[level - 1], sums) if level else math.nan,
-                # steps of dt, 2 dt and 4 dt are 1 : 1/2 : 1/4; a difference takes the first two, a
-                # level the first
-                "path_seconds": work * 6.0 / 7.0,
-                "alone_seconds": work * 4.0 / 7.0,
-            }
-        )
-        single.append((m(2, 0) / unit**2).ravel())
-    table = pd.DataFrame(rows)
-    of = table[table["level"] >= FITTED_FROM]
+    levels = np.arange(len(runs))
+
+    def moment(p: int, q: int) -> Floats:
+        """A central moment of every level, shape (levels, rows)."""
+        return np.array([sums.moment(p, q).ravel() for sums in seen])
+
+    n = np.array([sums.n.ravel() for sums in seen])
+    fine, coarse = (np.array([sums.mean[side].ravel() for sums in seen]) for side in (0, 1))
+    single = moment(2, 0)
+    variance = np.maximum(single - 2.0 * moment(1, 1) + moment(0, 2), 0.0)
+    fourth = sum((-1) ** q * comb(4, q) * moment(4 - q, q) for q in range(5))
+    kurtosis = _divide(fourth, variance**2).max(axis=1)
+    mean = np.abs(fine - coarse) / unit
+    noise = np.sqrt(variance / n) / unit
+    # the sum telescopes if |a - b + c| / (3 (sqrt Va + sqrt Vb + sqrt Vc)) is below 1: a and b are
+    # the means of the coarser and of the finer run, c that of the level difference, so that b - c
+    # is the mean at 2 dt in the finer run (Giles 2015, section 3.2)
+    error = np.sqrt(single / n)
+    spread = error[:-1] + error[1:] + np.sqrt(variance / n)[1:]
+    consistency = _divide(np.abs(fine[:-1] - coarse[1:]), 3.0 * spread).max(axis=1)
+    work = np.array([cost_of(run, 1).core_seconds for run in runs])
+    table = pd.DataFrame(
+        {
+            "scheme": runs[0].scheme,
+            "level": levels,
+            "dt": [run.dt for run in runs],
+            "mean_worst": mean.max(axis=1),
+            "se_mean_worst": noise[levels, mean.argmax(axis=1)],
+            "mean_median": np.median(mean, axis=1),
+            "variance_worst": (variance / unit**2).max(axis=1),
+            "variance_median": np.median(variance / unit**2, axis=1),
+            "kurtosis": kurtosis,
+            "alarm": kurtosis > KURTOSIS_ALARM,
+            "consistency": [math.nan, *consistency],
+            # steps of dt, 2 dt and 4 dt are 1 : 1/2 : 1/4; a difference takes the first two, a
+            # level the first
+            "path_seconds": work * 6.0 / 7.0,
+            "alone_seconds": work * 4.0 / 7.0,
+        }
+    )
+    return _fit_rates(table, single / unit**2, runs[-1].paths)
+
+
+def _divide(a: Floats, b: Floats) -> Floats:
+    """A ratio, 0 where nothing varies."""
+    return np.divide(a, b, out=np.zeros_like(b), where=b > 0.0)
+
+
+def _fit_rates(table: pd.DataFrame, single: Floats, paths: int) -> Levels:
+    """Fit the rates to a table of levels; `paths` are those of a run."""
     clear = find_clear(table)
-    alpha, beta, gamma, typical_beta = (
-        fit(part["level"].to_numpy(float), part[name].to_numpy())
-        for part, name in (
-            (clear, "mean_worst"),
-            (of, "variance_worst"),
-            (of, "path_seconds"),
-            (of, "variance_median"),
-        )
+    alpha = fit(clear["level"], clear["mean_worst"])
+    fine = table[table["level"] >= FITTED_FROM]
+    beta, gamma, typical_beta = (
+        fit(fine["level"], fine[name])
+        for name in ("variance_worst", "path_seconds", "variance_median")
     )
-    noise = np.sqrt(of["variance_median"] / runs[-1].paths)
-    clear = of[(of["mean_median"] > 3.0 * noise) | (of["level"] == FITTED_FROM)]
+    noise = np.sqrt(fine["variance_median"] / paths)
+    clear = fine[(fine["mean_median"] > 3.0 * noise) | (fine["level"] == FITTED_FROM)]
     intercept = float((np.log2(clear["mean_median"]) - alpha.slope * clear["level"]).mean())
-    return Levels(
-        table,
-        np.array(single),
-        alpha,
-        beta,
-        gamma,
-        alpha._replace(intercept=intercept),
-        typical_beta,
-    )
+    typical_alpha = alpha._replace(intercept=intercept)
+    return Levels(table, single, alpha, beta, gamma, typical_alpha, typical_beta)
 
 
 def find_clear(table: pd.DataFrame) -> pd.DataFrame:
@@ -228,21 +239,6 @@ def find_clear(table: pd.DataFrame) -> pd.DataFrame:
     clear = table[table["mean_worst"] > 3.0 * table["se_mean_worst"]]
     fine = clear[clear["level"] >= FITTED_FROM]
     return next((part for part in (fine, clear) if len(part) > 2), table)  # two have no interval
-
-
-def _consistency(a: CentralSums, b: CentralSums) -> float:
-    """Largest ``|a - b + c| / (3 (sqrt Va + sqrt Vb + sqrt Vc))`` over the rows; the sum telescopes
-    if it is below 1.
-
-    ``a`` and ``b`` are the means of the coarser and of the finer run, ``c`` that of the level
-    difference, ``V`` the variances of these estimates (Giles 2015, section 3.2).
-    """
-    off = np.abs(a.mean[0] - b.mean[1])  # c is b minus the mean at 2 dt in the finer run
-    difference = np.maximum(b.moment(2, 0) - 2.0 * b.moment(1, 1) + b.moment(0, 2), 0.0)
-    spread = sum(
-        np.sqrt(v / n) for v, n in ((a.moment(2, 0), a.n), (b.moment(2, 0), b.n), (difference, b.n))
-    )
-    return float(np.divide(off, 3.0 * spread, out=np.zeros_like(off), where=spread > 0.0).max())
 
 
 MEASURED_SIGMAS = (1e-3, 1e-2, 0.05, 0.1, 0.3, 1.5**0.5)
@@ -268,40 +264,38 @@ def control_table(
     antithetic pairs, see `antithetic_gain`.
     """
     rows = []
-    settings: dict[str, Any] = {"paths": paths, "scheme": "exact-flight", "rng": seed}
     for sigma in ProgressBar(sigmas, label="control variate", unit="sigma", leave=False):
-        own = scene.with_sigma(sigma)
-        call = partial(simulate, own, impacts=impacts, workers=workers, **settings)
-        call(sampling=Sampling(control=True))
-        runs, seconds = zip(
-            *[
-                time_run(partial(call, sampling=Sampling(control=c)))
-                for _ in range(LEVEL_TIMINGS)
-                for c in (False, True)
-            ],
-            strict=True,
+        call = partial(
+            simulate,
+            scene.with_sigma(sigma),
+            paths=paths,
+            impacts=impacts,
+            scheme=EXACT_SCHEME,
+            rng=seed,
+            workers=workers,
         )
-        plain = runs[-2].section
-        controlled = runs[-1].section
-        least = smallest_sd({str(name): plain[name].to_numpy() for name in plain})
-        usable = {
-            q: (plain["sd_" + q] > least[q]) & (q != "x" + plain["mesh"].astype(str))
-            for q in SECTION
-        }
+        plain, controlled = (
+            partial(call, sampling=Sampling(control=control)) for control in (False, True)
+        )
+        controlled()  # compiles
+        # one after the other, so that what else the machine does slows both
+        timed = [time_run(call) for _ in range(LEVEL_TIMINGS) for call in (plain, controlled)]
+        seconds = [time for _, time in timed]
+        before, after = (run.section for run, _ in timed[-2:])
+        sd = before[["sd_" + q for q in SECTION]].to_numpy()
+        least = smallest_sd({str(name): before[name].to_numpy() for name in before})
+        usable = (sd > np.transpose([least[q] for q in SECTION])) & ~at_wall(
+            np.array(SECTION), before[["mesh"]].to_numpy()
+        )
         row: dict[str, float] = {"sigma": sigma}
         for moment, prefix in (("means", "se_"), ("sds", "se_sd_")):
-            ratios = np.concatenate(
-                [((plain[prefix + q] / controlled[prefix + q]) ** 2)[usable[q]] for q in SECTION]
-            )
-            row |= {
-                f"{moment}_median": float(np.median(ratios)),
-                f"{moment}_smallest": float(ratios.min()),
-            }
-        plan = plan_of(own, impacts=impacts, dt=default_step(own, "exact-flight"), **settings)
-        gains = [
-            np.median(gain[np.array(list(usable.values())).T]) for gain in antithetic_gain(plan)
-        ]
-        row |= {"antithetic_means": float(gains[0]), "antithetic_sds": float(gains[1])}
+            names = [prefix + q for q in SECTION]
+            ratios = (before[names] / after[names]).to_numpy()[usable] ** 2
+            row[f"{moment}_median"] = float(np.median(ratios))
+            row[f"{moment}_smallest"] = float(ratios.min())
+        plan = timed[-2][0].plan
+        for moment, gain in zip(("means", "sds"), antithetic_gain(plan), strict=True):
+            row[f"antithetic_{moment}"] = float(np.median(gain[usable]))
         rows.append({**row, "time_ratio": min(seconds[1::2]) / min(seconds[::2])})
     return pd.DataFrame(rows)
 
@@ -315,16 +309,21 @@ def antithetic_gain(plan: Plan) -> tuple[Floats, Floats]:
 
     Shapes: result (impacts, 6).
     """
-    pairs = [(sample(plan, n), sample(plan._replace(mirrored=True), n)) for n in range(plan.blocks)]
-    both = np.concatenate(
-        [[one.rows[0, :, :, : len(SECTION)] for one in pair] for pair in pairs], axis=1
-    )
-    gains = []
-    for values in (both, (both - np.nanmean(both, axis=(0, 1))) ** 2):
-        away = values - np.nanmean(values, axis=(0, 1))
-        with np.errstate(invalid="ignore", divide="ignore"):
-            gains.append(
-                np.nanmean(away**2, axis=(0, 1))
-                / (2.0 * np.nanmean(away.mean(axis=0) ** 2, axis=0))
+    both = np.stack(
+        [
+            np.concatenate(
+                [sample(of, n).rows[0, :, :, : len(SECTION)] for n in range(plan.blocks)]
             )
-    return gains[0], gains[1]
+            for of in (plan, plan._replace(mirrored=True))
+        ]
+    )
+    squares = (both - np.nanmean(both, axis=(0, 1))) ** 2
+    return _pair_gain(both), _pair_gain(squares)
+
+
+def _pair_gain(values: Floats) -> Floats:
+    """The gain for the mean of values of both paths of each pair, shape (2, pairs, impacts, 6)."""
+    away = values - np.nanmean(values, axis=(0, 1))
+    with np.errstate(invalid="ignore", divide="ignore"):
+        pairs = np.nanmean(away.mean(axis=0) ** 2, axis=0)
+        return np.asarray(np.nanmean(away**2, axis=(0, 1)) / (2.0 * pairs))

@@ -8,6 +8,7 @@ quantity has a slope of its own, over a stated range of steps.  It is called an 
 local slopes at the finest steps agree, and no change turns its sign.
 """
 
+import itertools
 import math
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -16,11 +17,13 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 import pandas as pd
 from scipy.special import stdtrit
+from scipy.stats import linregress
 
 from rattle.montecarlo import SCHEMES, Ensemble, Record, simulate
 from rattle.montecarlo.diagnostics.accuracy import units
+from rattle.montecarlo.settings import EXACT_SCHEME
 from rattle.montecarlo.statistics.intervals import CONFIDENCE, ROUNDED_SD, widest
-from rattle.scene import Bools, Floats, Scene
+from rattle.scene import Floats, Scene
 from rattle.scene.progress import ProgressBar
 
 STILL = 1e-9  # change below which a quantity counts as constant
@@ -41,16 +44,15 @@ def slope_from(bias: Floats, se: Floats, steps: Sequence[float]) -> tuple[float,
     `bias`, `se`: Change between a step and its half in each row (moment), and its standard error.
     Shapes: `bias`, `se` (replicates, steps, rows).
     """
-    slope, half = _jackknife(partial(_slope, bias, se, steps), len(bias))
+
+    def fit_slope(bias: Floats, se: Floats) -> Any:
+        """Slope from some of the replicates."""
+        return linregress(np.log(steps), _log_change(bias, se)).slope
+
+    slope, half = _jackknife(fit_slope, bias, se)
     # noise hides it without one of the replicates: it has no interval
     slope = slope if half >= 0.0 else math.nan
     return slope, slope - half, slope + half
-
-
-def _slope(bias: Floats, se: Floats, steps: Sequence[float], chosen: Floats) -> float:
-    x = np.log(np.asarray(steps))
-    y = np.log(_sizes(bias, se, chosen))
-    return float(((x - x.mean()) * y).sum() / ((x - x.mean()) ** 2).sum())
 
 
 def find_settled(
@@ -63,68 +65,61 @@ def find_settled(
     noise hides it. Returns: Rows whose change turns its sign from one step to the next, over all
     steps, beyond three standard errors.
     """
-    n = len(bias)
     mean = bias.mean(axis=0)
-    error = np.sqrt((se**2).sum(axis=0)) / n
-    seen = np.abs(mean) > np.maximum(3.0 * error, STILL)
-    turning = (mean[1:] * mean[:-1] < 0.0) & seen[1:] & seen[:-1]
+    error = np.sqrt((se**2).sum(axis=0)) / len(bias)
+    sign = np.sign(mean) * (np.abs(mean) > np.maximum(3.0 * error, STILL))
+    turning = sign[1:] * sign[:-1] < 0.0
     turns = int(turning.any(axis=0).sum())
+    settled = (math.nan, math.nan, math.nan)
+    if len(steps) > 2 and not turning[-2:].any():
+        finest = (bias[:, -3:], se[:, -3:])
+        spacing = np.diff(np.log(steps[-3:]))
 
-    def change(chosen: Floats) -> float:
-        pairs = slice(-3, -1), slice(-2, None)
-        first, second = (_slope(bias[:, pair], se[:, pair], steps[pair], chosen) for pair in pairs)
-        return second - first
+        def bend(bias: Floats, se: Floats) -> Any:
+            """Difference of the two local slopes."""
+            return np.diff(np.diff(_log_change(bias, se)) / spacing)[0]
 
-    bent, half = _jackknife(change, n)
-    if turning[-2:].any() or not (abs(bent) <= max(half, AGREE) and half <= SETTLED_SLOPES):
-        return math.nan, math.nan, math.nan, turns
-    return *slope_from(bias[:, -3:], se[:, -3:], steps[-3:]), turns
+        bent, half = _jackknife(bend, *finest)
+        if abs(bent) <= max(half, AGREE) and half <= SETTLED_SLOPES:
+            settled = slope_from(*finest, steps[-3:])
+    return *settled, turns
 
 
 def _slopes(bias: Floats, se: Floats, steps: Sequence[float]) -> tuple[float, ...]:
     """Slopes over all steps and at the finest two, the rows that turn, and the order; each slope
     with its interval."""
-    *order, turns = (
-        find_settled(bias, se, steps) if len(steps) > 2 else (math.nan, math.nan, math.nan, 0)
-    )
-    return (
-        *slope_from(bias, se, steps),
-        *slope_from(bias[:, -2:], se[:, -2:], steps[-2:]),
-        turns,
-        *order,
-    )
+    *order, turns = find_settled(bias, se, steps)
+    finest = slope_from(bias[:, -2:], se[:, -2:], steps[-2:])
+    return *slope_from(bias, se, steps), *finest, turns, *order
 
 
-def changes_from(bias: Floats, se: Floats) -> tuple[Floats, Floats, Floats]:
+def changes_from(bias: Floats, se: Floats) -> Floats:
     """Size of the change at each step with its jackknife interval, which is symmetric in the
     logarithm.
 
-    Shapes: `bias`, `se` (replicates, steps, rows); result (steps,).
+    Shapes: `bias`, `se` (replicates, steps, rows); result (3, steps).
     """
-    change = _sizes(bias, se, np.ones(len(bias)))
-    _, half = _jackknife(lambda chosen: np.log(_sizes(bias, se, chosen)), len(bias))
-    return change, change * np.exp(-half), change * np.exp(half)
+    change, half = _jackknife(_log_change, bias, se)
+    return np.exp([change, change - half, change + half])
 
 
-def _sizes(bias: Floats, se: Floats, chosen: Floats) -> Floats:
-    weight = chosen / chosen.sum()
-    mean = np.einsum("r,rsi->si", weight, bias)
-    noise = np.einsum("r,rsi->si", weight**2, se**2)
-    square = (mean**2 - noise).mean(axis=1)
-    return np.sqrt(np.where(square > 0.0, square, np.nan))
+def _log_change(bias: Floats, se: Floats) -> Floats:
+    """Logarithm of the size of the change at each step; NaN where noise hides it."""
+    noise = (se**2).mean(axis=0) / len(se)
+    square = (bias.mean(axis=0) ** 2 - noise).mean(axis=1)
+    return 0.5 * np.log(np.where(square > 0.0, square, np.nan))
 
 
-def _jackknife(value: Callable[[Floats], Any], n: int) -> tuple[Any, Any]:
-    """A value that depends on how n replicates are weighted, and the half width of its interval."""
-    without = np.array([value(weights) for weights in 1.0 - np.eye(n)])
-    return value(np.ones(n)), float(stdtrit(n - 1, 0.5 + 0.5 * CONFIDENCE)) * np.sqrt(
-        (n - 1) * without.var(axis=0)
-    )
+def _jackknife(value: Callable[[Floats, Floats], Any], bias: Floats, se: Floats) -> tuple[Any, Any]:
+    """A value of the replicates, and the half width of its interval, from leaving out each."""
+    n = len(bias)
+    without = [value(np.delete(bias, i, axis=0), np.delete(se, i, axis=0)) for i in range(n)]
+    widening = float(stdtrit(n - 1, 0.5 + 0.5 * CONFIDENCE))
+    return value(bias, se), widening * np.sqrt((n - 1) * np.var(without, axis=0))
 
 
 STEP_PAIRS = (0.016, 0.008, 0.004, 0.002)
 """Larger step of each pair; the smaller one is half of it."""
-
 ORDER_IMPACTS = 4  # impacts over which paths with different dt keep the same itinerary
 
 
@@ -161,37 +156,9 @@ class WeakOrders(NamedTuple):
 
 def orders_over(scene: Scene, sigmas: Sequence[float], **settings: int) -> WeakOrders:
     """Slopes and weak orders at several noise intensities."""
-    found = [weak_orders(scene.with_sigma(sigma), **settings) for sigma in sigmas]
-    return WeakOrders(
-        pd.concat([one.table for one in found]), pd.concat([one.changes for one in found])
-    )
-
-
-def _rows(run: Ensemble, moment: str) -> pd.DataFrame:
-    """Step bias of the moments of one kind, in units of the quantities' sds."""
-    unit = units(run)
-    bias = run.step_bias
-    bias = bias[bias["moment"] == moment]
-    scale = np.array([unit.at[k, q] for k, q in zip(bias["impact"], bias["quantity"], strict=True)])
-    return bias[["bias", "se_bias"]].div(scale, axis=0).assign(quantity=bias["quantity"])
-
-
-def _limit_z(run: Ensemble, exact: Ensemble, moment: str) -> tuple[Floats, Bools]:
-    """Differences of the extrapolated values from exact flights in standard errors, and which of
-    them vary at all."""
-    rows = run.step_bias[run.step_bias["moment"] == moment]
-    names = [q if moment == "mean" else "sd_" + q for q in rows["quantity"]]
-    impacts = rows["impact"].tolist()
-    value, se = (
-        np.array(
-            [exact.section.at[k, prefix + name] for k, name in zip(impacts, names, strict=True)]
-        )
-        for prefix in ("", "se_")
-    )
-    away = np.maximum(np.abs(rows["corrected"].to_numpy() - value) - rows["rest"].to_numpy(), 0.0)
-    error = np.hypot(rows["se_corrected"].to_numpy(), se)
-    varies = error > ROUNDED_SD * np.abs(value)
-    return away / np.where(varies, error, np.inf), varies
+    orders = [weak_orders(scene.with_sigma(sigma), **settings) for sigma in sigmas]
+    tables, changes = zip(*orders, strict=True)
+    return WeakOrders(pd.concat(tables), pd.concat(changes))
 
 
 def weak_orders(
@@ -209,95 +176,98 @@ def weak_orders(
     They are measured for mean and sd of each quantity on the Poincaré section at the impacts, and
     for the probability of the noise-free itinerary.
     """
-    seeds = np.random.SeedSequence(rng).spawn(replicates + 1)
+    *seeds, last = np.random.SeedSequence(rng).spawn(replicates + 1)
     sample = partial(simulate, scene.phase_reduced, impacts=impacts, workers=workers)
-    exact = sample(paths=paths * replicates, scheme="exact-flight", rng=seeds[-1])
-    found = []
-    changes = []
+    exact = sample(paths=paths * replicates, scheme=EXACT_SCHEME, rng=last)
     schemes = [name for name, kind in SCHEMES.items() if kind.has_step_bias]
-    with ProgressBar(
-        label="weak order", total=len(schemes) * replicates * len(STEP_PAIRS), unit="run"
-    ) as bar:
-        for scheme in schemes:
-            common: dict[str, Any] = {
-                "paths": paths,
-                "scheme": scheme,
-                "record": Record(step_bias=True),
-            }
-            runs: list[list[Ensemble]] = []
-            for seed in seeds[:-1]:
-                runs.append([sample(dt=0.5 * step, rng=seed, **common) for step in STEP_PAIRS])
-                bar.update(len(STEP_PAIRS))
-            moments = [_by_quantity(scheme, moment, runs, exact) for moment in ("mean", "sd")]
-            for slopes, points in (*moments, _by_itinerary(scheme, runs, exact)):
-                found += slopes
-                changes += points
+    record = Record(step_bias=True)
+    settings = list(itertools.product(schemes, seeds, STEP_PAIRS))
+    measured = []
+    for scheme, seed, step in ProgressBar(settings, label="weak order", unit="run"):
+        run = sample(paths=paths, scheme=scheme, dt=0.5 * step, rng=seed, record=record)
+        measured.append(_measure_bias(run, exact).assign(scheme=scheme, step=step))
+    slopes: list[Row] = []
+    changes: list[Row] = []
+    for (scheme, moment), rows in pd.concat(measured).groupby(["scheme", "moment"], sort=False):
+        of = (scheme, scene.sigma, moment)
+        limit_z = rows.loc[rows["step"] == STEP_PAIRS[-1], ["quantity", "limit_z"]].dropna()
+        allowed = widest(len(limit_z), 1.0 - CONFIDENCE)
+        for quantity, of_quantity in rows.groupby("quantity", sort=False):
+            bias, se = (
+                of_quantity[name].to_numpy().reshape(replicates, len(STEP_PAIRS), -1)
+                for name in ("bias", "se_bias")
+            )
+            if moment == "itinerary":
+                slope, change = _fit_itinerary(bias, exact)
+            else:
+                z = limit_z.loc[limit_z["quantity"] == quantity, "limit_z"].max()
+                change = np.array([STEP_PAIRS, *changes_from(bias, se)])
+                ends = (STEP_PAIRS[0], 0.5 * STEP_PAIRS[-1])
+                slope = (*ends, *_slopes(bias, se, STEP_PAIRS), change[1, -1], z, allowed)
+            slopes.append((*of, quantity, *slope))
+            changes += [(*of, quantity, *point) for point in change.T]
     columns = ["scheme", "sigma", "moment", "quantity", "dt", "change", "low", "high"]
     return WeakOrders(
-        pd.DataFrame(found, columns=SLOPE_COLUMNS), pd.DataFrame(changes, columns=columns)
+        pd.DataFrame(slopes, columns=SLOPE_COLUMNS), pd.DataFrame(changes, columns=columns)
     )
 
 
-def _by_quantity(
-    scheme: str, moment: str, runs: list[list[Ensemble]], exact: Ensemble
-) -> tuple[list[Row], list[Row]]:
-    """Slopes and changes of each quantity, from runs by replicate and step."""
-    rows = [[_rows(run, moment) for run in row] for row in runs]
-    bias, se = (np.array([[r[name] for r in row] for row in rows]) for name in ("bias", "se_bias"))
-    names = rows[0][0]["quantity"].to_numpy()
-    sigma = exact.scene.sigma
-    limits = [_limit_z(row[-1], exact, moment) for row in runs]
-    allowed = widest(sum(int(varies.sum()) for _, varies in limits), 1.0 - CONFIDENCE)
-    slopes: list[Row] = []
-    points: list[Row] = []
-    for quantity in dict.fromkeys(names):
-        own = names == quantity
-        b = bias[:, :, own]
-        s = se[:, :, own]
-        errors = changes_from(b, s)
-        z = max(
-            (float(z[own & varies].max()) for z, varies in limits if (own & varies).any()),
-            default=math.nan,
-        )
-        of = (scheme, sigma, moment, str(quantity), STEP_PAIRS[0], 0.5 * STEP_PAIRS[-1])
-        slopes.append((*of, *_slopes(b, s, STEP_PAIRS), float(errors[0][-1]), z, allowed))
-        points += [
-            (scheme, sigma, moment, quantity, *row) for row in zip(STEP_PAIRS, *errors, strict=True)
-        ]
-    return slopes, points
+def _measure_bias(run: Ensemble, exact: Ensemble) -> pd.DataFrame:
+    """Step bias of each moment in units of the quantity's sd, and of the itinerary's probability
+    against exact flights.
+
+    ``limit_z`` is the difference of the extrapolated value from exact flights in standard errors;
+    NaN where nothing varies.
+    """
+    rows = run.step_bias
+    names = rows["quantity"].where(rows["moment"] == "mean", "sd_" + rows["quantity"])
+    unit = _look_up(units(run), rows["impact"], rows["quantity"])
+    value = _look_up(exact.section, rows["impact"], names)
+    error = np.hypot(rows["se_corrected"], _look_up(exact.section, rows["impact"], "se_" + names))
+    away = (np.abs(rows["corrected"] - value) - rows["rest"]).clip(lower=0.0)
+    moments = rows[["moment", "quantity"]].assign(
+        bias=rows["bias"] / unit,
+        se_bias=rows["se_bias"] / unit,
+        limit_z=(away / error).where(error > ROUNDED_SD * np.abs(value)),
+    )
+    share = _share_on_itinerary(run) - _share_on_itinerary(exact)
+    itinerary = {"moment": "itinerary", "quantity": "", "bias": share, "se_bias": 0.0}
+    return pd.concat([moments, pd.DataFrame([itinerary])])
 
 
-def _by_itinerary(
-    scheme: str, runs: list[list[Ensemble]], exact: Ensemble
-) -> tuple[list[Row], list[Row]]:
-    """The same of the noise-free itinerary's probability, whose bias is taken against exact
-    flights."""
-    shares = np.array([[_followers(run) for run in row] for row in runs])
-    kept = _followers(exact)
-    means = shares.mean(axis=0)
-    spread = shares.std(axis=0, ddof=1) / math.sqrt(len(shares))
-    floor = math.sqrt(kept * (1.0 - kept) / exact.paths)
-    away = np.abs(means - kept)
-    widening = widest(1, 1.0 - CONFIDENCE)
-    half = widening * np.hypot(spread, floor)
-    errors = np.where(away > half, away, np.nan), np.maximum(away - half, 0.0), away + half
-    floor = max(floor, 1e-150)
-    seen = away > 3.0 * np.hypot(spread, floor)
-    steps = 0.5 * np.array(STEP_PAIRS)
-    slopes: tuple[float, ...] = (*[math.nan] * 6, 0, *[math.nan] * 3)  # noise hides them
-    if seen.sum() >= 2:
-        distance = (shares - kept)[:, seen, None]
-        slopes = _slopes(distance, np.zeros_like(distance), tuple(steps[seen]))
-    last = 2.0 * means[-1] - means[-2]  # Richardson extrapolation from the two smallest steps
-    error = math.hypot(math.hypot(2.0 * spread[-1], spread[-2]), floor)
-    of = (scheme, exact.scene.sigma, "itinerary", "")
-    ends = (steps[seen] if seen.any() else steps)[[0, -1]].tolist()
-    limit = abs(float(last) - kept) / error, widening
-    return [(*of, *ends, *slopes, float(away[-1]), *limit)], [
-        (*of, *row) for row in zip(steps, *errors, strict=True)
-    ]
+def _look_up(table: pd.DataFrame, impacts: pd.Series, columns: pd.Series) -> Floats:
+    """Entries of a table of the impacts by impact and column."""
+    return table.stack().loc[pd.MultiIndex.from_arrays([impacts, columns])].to_numpy()
 
 
-def _followers(run: Ensemble) -> float:
+def _share_on_itinerary(run: Ensemble) -> float:
     """Share of the paths that keep to the noise-free itinerary."""
     return float(run.agreement["noise-free"].iloc[-1])
+
+
+def _fit_itinerary(distance: Floats, exact: Ensemble) -> tuple[Row, Floats]:
+    """Slope and changes of the distance of the itinerary's probability from that of exact flights.
+
+    Shapes: `distance` (replicates, steps, 1).
+    """
+    steps = 0.5 * np.array(STEP_PAIRS)
+    probability = _share_on_itinerary(exact)
+    floor = math.sqrt(probability * (1.0 - probability) / exact.paths)
+    mean = distance.mean(axis=0)[:, 0]
+    spread = distance.std(axis=0, ddof=1)[:, 0] / math.sqrt(len(distance))
+    away = np.abs(mean)
+    widening = widest(1, 1.0 - CONFIDENCE)
+    half = widening * np.hypot(spread, floor)
+    change = np.array(
+        [steps, np.where(away > half, away, np.nan), np.maximum(away - half, 0.0), away + half]
+    )
+    floor = max(floor, 1e-150)  # so that nothing is divided by 0 where all paths follow it
+    seen = away > 3.0 * np.hypot(spread, floor)
+    slopes: tuple[float, ...] = (*[math.nan] * 6, 0, *[math.nan] * 3)  # noise hides them
+    if seen.sum() >= 2:
+        shown = distance[:, seen]
+        slopes = _slopes(shown, np.zeros_like(shown), steps[seen])
+    last = 2.0 * mean[-1] - mean[-2]  # Richardson extrapolation from the two smallest steps
+    error = np.hypot(np.hypot(2.0 * spread[-1], spread[-2]), floor)
+    ends = (steps[seen] if seen.any() else steps)[[0, -1]]
+    return (*ends, *slopes, away[-1], abs(last) / error, widening), change

@@ -366,3 +366,16 @@ def test_what_excludes_rare_branches_is_named(given, more, named):
     text = study_text(more=more).replace("paths = 4096", f"near_branches = true\n{given}")
     with pytest.raises(InputError, match=f"near_branches.*{named}"):
         _ = Study.from_toml(text).points
+
+
+def test_an_axis_may_be_named_like_a_column_of_the_tables(tmp_path):
+    """The column then holds the value along the axis, once."""
+    text = study_text(sigmas=(0.02,)).replace("paths = 4096", "")
+    study = Study.from_toml(f"{text}\n[[axes]]\npaths = [1024, 2048]\n")
+    store = Store(tmp_path / CELLS_FOLDER)
+    run(study.cells, store, Runner(1))
+    found = tables_of(study, store)
+    for table in (found.errors, found.sections, found.cost):
+        assert list(table).count("paths") == 1
+        assert set(table["paths"]) == {1024, 2048}
+    assert set(found.sections["followed"]) == {1024, 2048}
