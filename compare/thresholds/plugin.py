@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import tomllib
 from importlib.resources import files
+from itertools import chain
 from typing import TYPE_CHECKING, Any
 
 import pytest
@@ -49,7 +50,7 @@ def read_options(config: pytest.Config) -> dict[str, str]:
     for key, option in PLUGIN_OPTIONS.items():
         kept = config.getini(key) if option.get("lasts", True) else option["default"]
         given = config.getoption(key)
-        chosen[key] = str(kept if given is None else given)
+        chosen[key] = str(kept if given is None else given) or option["default"]
     return chosen
 
 
@@ -98,9 +99,9 @@ def pytest_report_collectionfinish(
     config: pytest.Config, items: Sequence[pytest.Item]
 ) -> list[str]:
     """Report invalid markers with --collect-only, when no test runs that would report them."""
-    refused = (
-        [item for item in items if REFUSED_KEY in item.stash] if config.option.collectonly else []
-    )
+    if not config.option.collectonly:
+        return []
+    refused = [item for item in items if REFUSED_KEY in item.stash]
     return [f"rattle: {item.nodeid}: {item.stash[REFUSED_KEY]}" for item in refused]
 
 
@@ -131,21 +132,15 @@ def rattle(request: pytest.FixtureRequest) -> Rattle:
 
 def pytest_terminal_summary(terminalreporter: Any) -> None:
     """Print what was checked and what it cost; nothing if no test used the fixture."""
-    reports = [
-        r
-        for listed in terminalreporter.stats.values()
-        for r in listed
-        if getattr(r, "when", None) == "call"
-    ]
-    found = [
-        (r.nodeid, value) for r in reports for key, value in r.user_properties if key == "rattle"
-    ]
-    # reports of subtests repeat them
-    records = {(test, facts["kind"]): (test, facts) for test, facts in found}
+    records: dict[Any, Any] = {}  # reports of subtests repeat them
+    for report in chain.from_iterable(terminalreporter.stats.values()):
+        if getattr(report, "when", None) == "call":
+            facts = [value for key, value in report.user_properties if key == "rattle"]
+            records |= {(report.nodeid, fact["kind"]): fact for fact in facts}
     if records:
         from rattle.compare.thresholds.messages import summary_lines
         from rattle.scene.text import harmless
 
         terminalreporter.section("rattle: accuracy thresholds")
-        for line in summary_lines(list(records.values())):
+        for line in summary_lines({"test": test, **f} for (test, _), f in records.items()):
             terminalreporter.write_line(harmless(line, keep=""))
