@@ -89,9 +89,7 @@ def extremes(ranges: bool, as_json: bool) -> None:
 @shared.whole("paths", 32_768, "Most paths of a cell.")
 @shared.SEED_AND_WORKERS
 @shared.folder(Path("reports/stability"))
-@click.option(
-    "--extremes/--no-extremes", "extreme", default=True, show_default=True, help=EXTREMES_HELP
-)
+@click.option("--extremes/--no-extremes", "extreme", default=True, help=EXTREMES_HELP)
 @shared.OVERWRITE
 def stability(
     schemes: tuple[str, ...],

@@ -193,7 +193,7 @@ def boundary(
         def simulate(changed: Scene, paths: int, near_branches: bool) -> Any:
             nonlocal steps
             bar.set_postfix_str(f"{over} = {value:.4g}, {paths:,} paths")
-            its_seed = own_seed(changed, seed)
+            its_seed = seed_of(changed, seed)
             cell = Sample(changed, impacts, its_seed, paths=paths, near_branches=near_branches)
             run = store.obtain(cell, runner.compute)
             steps += run.facts["path_steps"]
@@ -232,7 +232,7 @@ def state_effort(label: str, parameter: Parameter, scene: Scene, points: int, im
         search.state_effort(label, parameter.name, points, least, most)
 
 
-def own_seed(scene: Scene, seed: int) -> int:
+def seed_of(scene: Scene, seed: int) -> int:
     """A seed for each scene: where a search goes next depends on what it saw, so the next noise
     must be another."""
     return int(json_digest({"scene": replace(scene, gears=None).to_dict(), "seed": seed})[:8], 16)

@@ -13,8 +13,8 @@ import pandas as pd
 
 from rattle.compare.engine.run import Runner
 from rattle.compare.engine.store import open_store
-from rattle.compare.parameters.boundary import check_search, own_seed
-from rattle.compare.parameters.finding import AlongParameter, same_speed
+from rattle.compare.parameters.boundary import check_search, seed_of
+from rattle.compare.parameters.finding import AlongParameter, same_speed, with_unit
 from rattle.compare.parameters.search import MOST_VALUES, find_changes, state_effort
 from rattle.compare.stationary.result import unit_of
 from rattle.compare.stationary.study import LongCell, LongResult
@@ -118,7 +118,7 @@ class Crossing(AlongParameter):
         """
         from rattle.compare.parameters.figures import crossing_figure
 
-        return crossing_figure(self)
+        return crossing_figure(self, self.level, with_unit(self.quantity, self.quantity_unit))
 
 
 @numpy_defaults
@@ -198,7 +198,7 @@ def crossing(
     'mW'
     """
     parameter, low, high, time_left = check_search(scene, over, between, points, width, budget)
-    whole = read_whole_seed(rng)
+    seed = read_whole_seed(rng)
     choice("quantity", quantity, all_names(scene.stages))
     level = float(positive("level", level))
     positive("slow", slow)
@@ -216,7 +216,7 @@ def crossing(
         # gears do not have the value of a field that they fix
         factor = unit_of(quantity, changed.gears or scene.gears, "physical")[1]
         slow_there = same_speed(slow, scene, changed)
-        its_seed = own_seed(changed, whole)
+        its_seed = seed_of(changed, seed)
 
         def run(periods: int) -> LongResult:
             bar.set_postfix_str(f"{over} = {value:.4g}, {periods:,} periods")
@@ -235,7 +235,7 @@ def crossing(
     bar = ProgressBar(label=progress, unit=" values")
     with Runner(workers) as runner, bar, ThreadPoolExecutor(workers) as pool:
         changes, table = find_changes(
-            judge, low, high, points, width, first=Crossing.first, each=pool.map
+            judge, low, high, points, width, first=Crossing.first, map_scan=pool.map
         )
     edges = tuple(Sides(below.value, above.value) for below, above in changes)
     unit, _ = unit_of(quantity, scene.gears, "physical")

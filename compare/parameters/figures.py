@@ -1,6 +1,6 @@
 """The figures of boundaries, maps, crossings and sensitivities."""
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -11,11 +11,6 @@ from rattle.compare.parameters.finding import AlongParameter, quantity_words, wi
 from rattle.compare.report.style import legend_above, new_figure
 from rattle.compare.study.parameters import PERCENT
 from rattle.compare.validation.verdict import DECIDED, Verdict
-
-if TYPE_CHECKING:
-    from rattle.compare.parameters.boundary import Boundary
-    from rattle.compare.parameters.crossing import Crossing
-    from rattle.compare.parameters.map import BoundaryMap
 
 COLOURS: dict[str, str] = {
     Verdict.ACCURATE: "#009E73",
@@ -29,7 +24,7 @@ MORE = "#D55E00"
 BENT_COLOUR = "#999999"
 
 
-def boundary_figure(found: "Boundary") -> Figure:
+def boundary_figure(found: AlongParameter) -> Figure:
     """Draw the error of the worst row over its tolerance at every value, and the edges."""
     table = found.points.dropna(subset="error")
     # the axis ends below the least error; there is none where a budget ended before any value
@@ -43,12 +38,12 @@ def boundary_figure(found: "Boundary") -> Figure:
     return figure
 
 
-def crossing_figure(found: "Crossing") -> Figure:
+def crossing_figure(found: AlongParameter, level: float, up: str) -> Figure:
     """Draw a quantity with its interval at every value, and the level."""
     table = found.points.dropna(subset="estimate")
     figure, ax = _draw_search(found, table, "estimate", "where it crosses")
-    ax.axhline(found.level, color="0.2", lw=0.8, ls="--", label="level")
-    ax.set_ylabel(with_unit(found.quantity, found.quantity_unit))
+    ax.axhline(level, color="0.2", lw=0.8, ls="--", label="level")
+    ax.set_ylabel(up)
     ax.set_ylim(bottom=0.0 if (table["estimate"] >= 0.0).all() else None)
     legend_above(figure, [ax], 5)
     return figure
@@ -69,14 +64,14 @@ def _draw_search(
     return figure, ax
 
 
-def map_figure(found: "BoundaryMap") -> Figure:
+def map_figure(curve: pd.DataFrame, points: pd.DataFrame, across: str, up: str) -> Figure:
     """Draw a bar at each value of the second parameter: accurate, wrong, or in between; markers at
     the edges."""
     figure, (ax,) = new_figure(7.4, 4.2, 1, 1)
-    places = np.unique(found.curve["along"])
+    places = np.unique(curve["along"])
     middle = np.sqrt(places[1:] * places[:-1])
     ends = np.r_[places[0] ** 2 / middle[0], middle, places[-1] ** 2 / middle[-1]]
-    points = found.points.sort_values(["along", "value"])
+    points = points.sort_values(["along", "value"])
     higher = points.groupby("along")[["value", "verdict"]].shift(-1)
     same = points["verdict"].where(points["verdict"] == higher["verdict"], Verdict.UNDECIDED)
     column = np.searchsorted(places, points["along"])
@@ -95,15 +90,15 @@ def map_figure(found: "BoundaryMap") -> Figure:
             lw=0,
             label="not decided between" if between == Verdict.UNDECIDED else str(between),
         )
-    edges = found.curve.dropna(subset=["accurate", "wrong"])
+    edges = curve.dropna(subset=["accurate", "wrong"])
     for name, verdict, marker in zip(("accurate", "wrong"), DECIDED, "^v", strict=True):
         label = f"edge: {verdict} here"
         ax.plot(edges["along"], edges[name], marker, ms=5, color=COLOURS[verdict], label=label)
     ax.set(
         xscale="log" if ends[-1] > 4.0 * ends[0] else "linear",
         yscale="log",
-        xlabel=with_unit(found.along, found.units[1]),
-        ylabel=with_unit(found.over, found.units[0]),
+        xlabel=across,
+        ylabel=up,
     )
     ax.set_xticks([], minor=True)
     ax.set_xticks(places, [f"{place:.3g}" for place in places])

@@ -27,6 +27,7 @@ from rattle.compare.parameters.finding import (
     Finding,
     after_number,
     list_values,
+    with_unit,
 )
 from rattle.compare.parameters.search import Edge
 from rattle.compare.study.parameters import find_parameter
@@ -188,7 +189,8 @@ class BoundaryMap(Finding):
         """
         from rattle.compare.parameters.figures import map_figure
 
-        return map_figure(self)
+        up, across = map(with_unit, (self.over, self.along), self.units)
+        return map_figure(self.curve, self.points, across, up)
 
 
 @numpy_defaults

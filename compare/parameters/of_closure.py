@@ -170,14 +170,14 @@ def closure_sensitivity(
     True
     """
     check_scene(scene)
-    whole = read_whole_seed(rng)
+    seed = read_whole_seed(rng)
     if scene.sigma == 0.0:
         raise InputError(
             "sigma", 0.0, "without noise there are no standard deviations; give one above 0"
         )
     count("impacts", impacts)
-    left = begin_budget(budget)
-    each = -(-count("paths", paths, least=64 * CLOSURE_GROUPS) // CLOSURE_GROUPS)
+    time_left = begin_budget(budget)
+    group_paths = -(-count("paths", paths, least=64 * CLOSURE_GROUPS) // CLOSURE_GROUPS)
     method = find_closure("closure", closure)
     method.check(scene)
     allowed = Tolerances(*(tolerances or ()))
@@ -189,14 +189,14 @@ def closure_sensitivity(
         except InputError:  # a restitution of 1 cannot be changed so
             if parameters is not None:
                 raise
-    every = [scene, *chain.from_iterable(scenes.values())]
+    all_scenes = [scene, *chain.from_iterable(scenes.values())]
     # the same, so that random numbers are shared
-    dt = min(default_step(one, PAIRED_SCHEME, False) for one in every)
-    again = partial(simulate, paths=each, impacts=impacts, dt=dt, scheme=PAIRED_SCHEME)
+    dt = min(default_step(one, PAIRED_SCHEME, False) for one in all_scenes)
+    again = partial(simulate, paths=group_paths, impacts=impacts, dt=dt, scheme=PAIRED_SCHEME)
     sampling = Sampling(control=small_noise(scene))  # where a control variate pays
 
     def moments(one: Scene, group: int) -> Floats:
-        stream = np.random.SeedSequence([whole, group])
+        stream = np.random.SeedSequence([seed, group])
         run = again(one.phase_reduced, rng=stream, sampling=sampling)
         return _moments(run.section, one, impacts)
 
@@ -204,12 +204,12 @@ def closure_sensitivity(
         moments(scene, 0)  # compiles
         began = clock()
         moments(scene, 0)
-        most = CLOSURE_GROUPS * len(every)
+        most = CLOSURE_GROUPS * len(all_scenes)
         time = f"about {duration_text(most * (clock() - began), 2)} of processor time"
-        ESTIMATES.info("%s", f"{progress}: {most} runs of {each:,} paths, {time}")
-    values = _run_groups(moments, every, left, workers, progress)
+        ESTIMATES.info("%s", f"{progress}: {most} runs of {group_paths:,} paths, {time}")
+    values = _run_groups(moments, all_scenes, time_left, workers, progress)
     groups = values.shape[1]
-    mesh = again(scene, rng=whole).section["mesh"].to_numpy()
+    mesh = again(scene, rng=seed).section["mesh"].to_numpy()
     unit = values[0, :, 1].mean(axis=0)
     unit[at_wall(np.array(SECTION)[:, None], mesh)] = math.nan
     rows = []
@@ -226,14 +226,14 @@ def closure_sensitivity(
             checks = slope.size * len(scenes)
             change = _change(predicted, changed[:, :, m, q, i], unit[q, i], checks, allowed[m])
             rows.append(place | change)
-    table = judge(pd.DataFrame(rows).assign(paths=float(groups * each)))
-    return ClosureSensitivity(scene, method.name, table[CHANGE_COLUMNS], groups * each)
+    table = judge(pd.DataFrame(rows).assign(paths=float(groups * group_paths)))
+    return ClosureSensitivity(scene, method.name, table[CHANGE_COLUMNS], groups * group_paths)
 
 
 def _run_groups(
     moments: Callable[[Scene, int], Floats],
     scenes: list[Scene],
-    left: Budget,
+    time_left: Budget,
     workers: int,
     progress: str | None,
 ) -> Floats:
@@ -246,7 +246,7 @@ def _run_groups(
     bar = ProgressBar(label=progress, total=CLOSURE_GROUPS * len(scenes), unit="run")
     with ThreadPoolExecutor(workers) as pool, bar:
         for group in range(1, CLOSURE_GROUPS + 1):
-            if group > FEWEST_GROUPS and left.remaining <= 0.0:
+            if group > FEWEST_GROUPS and time_left.remaining <= 0.0:
                 break
             groups.append([])
             for found in pool.map(moments, scenes, repeat(group)):

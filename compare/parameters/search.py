@@ -154,14 +154,14 @@ def find_changes(
     *,
     first: str,
     near: Iterable[float] = (),
-    each: Callable[..., Iterable[Any]] = map,
+    map_scan: Callable[..., Iterable[Any]] = map,
 ) -> tuple[list[tuple[Any, Any]], pd.DataFrame]:
     """Scan a range, then halve the logarithm of every change of verdict until it is known to ± a
     relative width.
 
     Returns pairs of what was judged, that with the verdict `first` before the other, and all that
-    was judged.  Values `near` which a change is expected are tried before halving; `each` maps over
-    those of the scan.
+    was judged.  Values `near` which a change is expected are tried before halving;
+    `map_scan` maps over those of the scan.
     """
     known: dict[float, Any] = {}
     guesses = [float(f"{value:.6g}") for value in near]
@@ -206,7 +206,7 @@ def find_changes(
                 bad = judged
         return good, bad
 
-    scan = list(each(at, np.geomspace(low, high, points)))
+    scan = list(map_scan(at, np.geomspace(low, high, points)))
     decided = [point for point in scan if point.verdict != Verdict.UNDECIDED]
     changes = [
         narrow(a, b) if a.verdict == first else narrow(b, a)

@@ -246,14 +246,14 @@ def sensitivity(
     """
     check_scene(scene)
     compile_ahead.expect("sensitivity", len(scene.drive))
-    whole = read_whole_seed(rng)
+    seed = read_whole_seed(rng)
     chosen_names = default_quantities(scene.stages) if quantities is None else quantities
     asked = list(dict.fromkeys(chosen_names))
     for name in asked:
         choice("quantities", name, all_names(scene.stages))
     chosen = choose_parameters(scene, parameters)
     positive("accuracy", accuracy)
-    left = begin_budget(budget)
+    time_left = begin_budget(budget)
     remarks: dict[str, str] = {}
     jobs = [_Job("", 1.0, scene)]
     for name, parameter in chosen.items():
@@ -272,7 +272,7 @@ def sensitivity(
             bar.total = groups * len(jobs)
             for group in range(len(runs), groups):
                 runs.append([])
-                stream = np.random.SeedSequence([whole, group])
+                stream = np.random.SeedSequence([seed, group])
                 call = partial(_run, scene=scene, asked=asked, slow=slow, rng=stream)
                 for job, (values, why) in zip(jobs, pool.map(call, jobs), strict=True):
                     runs[group].append(values)
@@ -284,7 +284,7 @@ def sensitivity(
             table = _effects(chosen, asked, changed, remarks)
             half = 0.5 * (table["high"] - table["low"])
             reached = not bool((half > accuracy).any())
-            if reached or left.remaining < 0.0 or bool((table["se"].fillna(0.0) == 0.0).all()):
+            if reached or time_left.remaining < 0.0 or bool((table["se"].fillna(0.0) == 0.0).all()):
                 break
     said = (
         f"{len(runs)} groups of {len(jobs)} long runs,"

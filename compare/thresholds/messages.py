@@ -2,7 +2,7 @@
 of a session."""
 
 import math
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -10,15 +10,12 @@ import pandas as pd
 
 from rattle.compare.study.cells import Sampled
 from rattle.compare.thresholds.claim import Claim
-from rattle.compare.thresholds.plugin import PLUGIN_TEXTS
 from rattle.compare.validation.errors import BY_SIZE
 from rattle.compare.validation.verdict import DECIDED, Verdict, span
 from rattle.scene import line
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-SUMMARY = PLUGIN_TEXTS["summary"]
 
 WIDER = 1.1
 """Ratio of an interval to that of all paths above which it is said what widened it."""
@@ -52,7 +49,7 @@ def kind_of(table: pd.DataFrame) -> str:
     return "check" if "moment" in table else "long check"
 
 
-def summary_lines(records: Iterable[dict[str, Any]]) -> Iterator[str]:
+def summary_lines(records: Iterable[dict[str, Any]], texts: Mapping[str, str]) -> Iterator[str]:
     """Lines of the summary, from the id of each test and what its fixture has recorded."""
     table = pd.DataFrame(list(records))
     for kind, title, simulations in (
@@ -60,7 +57,7 @@ def summary_lines(records: Iterable[dict[str, Any]]) -> Iterator[str]:
         ("long check", "long run", "long runs"),
     ):
         if (table["kind"] == kind).any():
-            yield from _check_lines(table[table["kind"] == kind], title, simulations)
+            yield from _check_lines(table[table["kind"] == kind], title, simulations, texts)
     compared = table[table["kind"] == "baseline"]
     if len(compared):
         written = compared.loc[compared["done"] != "", "done"]
@@ -69,7 +66,9 @@ def summary_lines(records: Iterable[dict[str, Any]]) -> Iterator[str]:
             yield from (f"           {line}" for line in done.splitlines())
 
 
-def _check_lines(checks: pd.DataFrame, title: str, simulations: str) -> Iterator[str]:
+def _check_lines(
+    checks: pd.DataFrame, title: str, simulations: str, texts: Mapping[str, str]
+) -> Iterator[str]:
     """The same of one kind of checks."""
     first = checks.iloc[0]
     counted = ["rows", "failed", "undecided", "drawn", "computed", "not_judged", "by_size"]
@@ -99,10 +98,10 @@ def _check_lines(checks: pd.DataFrame, title: str, simulations: str) -> Iterator
         "widened": (checks["widened"] > WIDER * checks["z"]).any(),
         "simulated": True,
     }
-    yield from (SUMMARY[name].format_map(facts) for name, is_shown in shown.items() if is_shown)
+    yield from (texts[name].format_map(facts) for name, is_shown in shown.items() if is_shown)
     for check in checks[(checks["undecided"] > 0) & (checks["failed"] == 0)].to_dict("records"):
         remedy = describe_remedy(check["decide"], check["kind"])
-        yield SUMMARY["undecided"].format_map(check | {"remedy": remedy})
+        yield texts["undecided"].format_map(check | {"remedy": remedy})
 
 
 PATHS_MARGIN = 2.0

@@ -142,5 +142,6 @@ def pytest_terminal_summary(terminalreporter: Any) -> None:
         from rattle.scene.text import harmless
 
         terminalreporter.section("rattle: accuracy thresholds")
-        for line in summary_lines({"test": test, **f} for (test, _), f in records.items()):
+        checks = [{"test": test, **facts} for (test, _), facts in records.items()]
+        for line in summary_lines(checks, PLUGIN_TEXTS["summary"]):
             terminalreporter.write_line(harmless(line, keep=""))
