@@ -104,9 +104,11 @@ class ClosureName(Name):
 
 
 CLOSURE_TYPE = ClosureName("closures", CLOSURE_NAMES)
+SCHEME_TYPE = Name("scheme", SCHEME_NAMES)
+AXIS_TYPE = Name("axis", AXIS_NAMES)
 
 
-def several(option: str, into: str, kind: type, meaning: str) -> Option:
+def several(option: str, into: str, kind: Any, meaning: str) -> Option:
     """An option that may be given any number of times."""
     metavar = "NAME" if kind is str else None
     return click.option(
@@ -126,23 +128,14 @@ def field(meaning: str) -> Option:
 
 def closures(meaning: str) -> Option:
     """The option of the closures that are compared."""
-    return click.option("--closure", "closures", type=CLOSURE_TYPE, multiple=True, help=meaning)
+    return several("closure", "closures", CLOSURE_TYPE, meaning)
 
 
 def name_option(
-    option: str, names: Sequence[str], meaning: str, *, many: str = "", default: str | None = None
+    option: str, names: Sequence[str], meaning: str, default: str | None = None
 ) -> Option:
-    """An option that takes a name from a list; with `many`, its name in the plural, any number of
-    them."""
-    kind = Name(option, names)
-    return click.option(
-        f"--{option}",
-        many or option,
-        type=kind,
-        multiple=bool(many),
-        default=default,
-        help=meaning,
-    )
+    """An option that takes a name from a list."""
+    return click.option(f"--{option}", type=Name(option, names), default=default, help=meaning)
 
 
 def join(*options: Option) -> Option:

@@ -159,11 +159,8 @@ def _extent(table: Table, column: int) -> tuple[int, int]:
     cells = [len(row[column].display) for row in table.rows]
     word = max((len(w) for w in head.split()), default=0)
     longest = max([*cells, word])
-    least = (
-        longest
-        if table.columns[column].kind == NUMBER
-        else max(min(longest, NARROWEST_COLUMN), min(word, NARROWEST_COLUMN))
-    )
+    is_number = table.columns[column].kind == NUMBER
+    least = longest if is_number else min(longest, NARROWEST_COLUMN)
     return least, max(longest, min(len(head), 2 * longest))
 
 

@@ -54,7 +54,7 @@ PAPER_SIGMAS = (0.01, 0.1, PAPER_SIGMA)
     "scheme", shared.SCHEME_NAMES, "Scheme of the simulation.", default="exact-flight"
 )
 @shared.closures(JUDGED_CLOSURES_HELP)
-@shared.name_option("beside", shared.SCHEME_NAMES, BESIDE_HELP, many="beside")
+@shared.several("beside", "beside", shared.Name("beside", shared.SCHEME_NAMES), BESIDE_HELP)
 @shared.whole("order", 4, "Order of the closures' moments, 2 to 6.")
 @shared.SEED_AND_WORKERS
 @shared.grid("validity", "1e-3:2:12", VALIDITY)
