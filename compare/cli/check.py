@@ -87,17 +87,13 @@ def extreme_values(ranges: bool, as_json: bool) -> None:
 
 
 @check.command()
-@shared.name_option(
-    "scheme", shared.SCHEME_NAMES, "Scheme; repeatable. [default: all]", many="schemes"
-)
-@shared.name_option("axis", shared.AXIS_NAMES, "Axis; repeatable. [default: all]", many="axes")
+@shared.several("scheme", "schemes", shared.SCHEME_TYPE, "Scheme; repeatable. [default: all]")
+@shared.several("axis", "axes", shared.AXIS_TYPE, "Axis; repeatable. [default: all]")
 @shared.whole("points", 7, "Values of each axis, 1 to 7.")
 @shared.whole("paths", 32_768, "Most paths of a cell.")
 @shared.SEED_AND_WORKERS
 @shared.folder(Path("reports/stability"))
-@click.option(
-    "--extremes/--no-extremes", "extreme", default=True, show_default=True, help=EXTREMES_HELP
-)
+@click.option("--extremes/--no-extremes", "extreme", default=True, help=EXTREMES_HELP)
 @shared.OVERWRITE
 def stability(
     schemes: tuple[str, ...],

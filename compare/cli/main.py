@@ -77,7 +77,9 @@ Completion by the Tab key, for this session or from the shell's start-up file:
 
 
 @click.group(
-    cls=RattleGroup, epilog=COMPLETION, context_settings={"help_option_names": ["-h", "--help"]}
+    cls=RattleGroup,
+    epilog=COMPLETION,
+    context_settings={"help_option_names": ["-h", "--help"], "show_default": True},
 )
 @click.version_option(package_name="rattle")
 def main() -> None:

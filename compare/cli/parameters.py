@@ -1,5 +1,6 @@
 """The commands along parameters: boundary and sensitivity."""
 
+from functools import partial
 from typing import Any
 
 import click
@@ -10,6 +11,7 @@ from rattle.compare.cli.shared import EXIT_NOT_MET, Begin
 from rattle.scene import InputError, Scene
 
 REACH_HELP = "Its range. [default: half its value to twice it]"
+CONTINUES = "interrupt a map, and the same command continues it"
 CLOSURE_HELP = "In place of quantities: judge what it predicts."
 
 
@@ -25,7 +27,6 @@ CLOSURE_HELP = "In place of quantities: judge what it predicts."
 @click.option(
     "--over",
     default="sigma",
-    show_default=True,
     metavar="NAME",
     help="Parameter of the gears or the scene.",
 )
@@ -63,41 +64,38 @@ def boundary(
     SCENE is a TOML file, DAT21 if none is given. Results are stored in OUT-cells: after an
     interruption the same command continues.
     """
-    reach = asked["reach"]
+    mapped = along is not None
     budget = asked["budget"]
-    if quantity is not None and closure is not None:
-        raise InputError("quantity", quantity, "takes the place of a closure; give one of them")
+    for name, value, refused, why in (
+        (
+            "quantity",
+            quantity,
+            closure is not None,
+            "takes the place of a closure; give one of them",
+        ),
+        ("quantity", quantity, mapped, "does not go with --and, which maps a closure"),
+        ("budget", budget, mapped, f"does not go with --and: {CONTINUES}"),
+        ("reach", asked["reach"], not mapped, "goes with --and"),
+        ("scheduler", scheduler, not mapped, "goes with --and"),
+    ):
+        if value is not None and refused:
+            raise InputError(name, value, why)
     if (quantity is None) != (level is None):
         raise InputError("level", level, "goes with --quantity; give both or none")
-    if along is not None and quantity is not None:
-        raise InputError("quantity", quantity, "does not go with --and, which maps a closure")
-    if along is not None and budget is not None:
-        raise InputError(
-            "budget",
-            budget,
-            "does not go with --and: interrupt a map, and the same command continues it",
-        )
-    if along is None and (reach or scheduler) is not None:
-        raise InputError("reach" if reach else "scheduler", reach or scheduler, "goes with --and")
     results = begin()
-    settings = {
-        name: value
-        for name, value in asked.items()
-        if name in ("over", "between", "points", "width")
-    }
+    settings = shared.pick(asked, "over", "between", "points", "width")
     if quantity is not None:
         settings |= {"quantity": quantity, "level": level}
     else:
         settings |= {"closure": closure or "saltation", "impacts": asked["impacts"]}
-    common: dict[str, Any] = {"folder": results.cells, "rng": seed, "workers": workers}
+    if mapped:
+        settings |= {"along": along, "reach": asked["reach"], "values": asked["values"]}
+        search: Any = partial(rt.boundary_map, scheduler=scheduler, progress=True)
+    else:
+        settings |= {"budget": budget}
+        search = partial(rt.boundary if quantity is None else rt.crossing, progress="boundary")
     with shared.estimates_shown():
-        if along is None:
-            settings |= {"budget": budget}
-            search: Any = rt.boundary if quantity is None else rt.crossing
-            found = search(base, **settings, **common, progress="boundary")
-        else:
-            settings |= {"along": along, "reach": reach, "values": asked["values"]}
-            found = rt.boundary_map(base, **settings, **common, scheduler=scheduler, progress=True)
+        found = search(base, **settings, folder=results.cells, rng=seed, workers=workers)
     results.write(found, scene=base.to_dict(), **settings, seed=seed)
     results.say(found.answer, found.to_dict)
 
@@ -145,17 +143,15 @@ def sensitivity(
     from rattle.compare import closure_sensitivity
 
     results = begin()
-    common: dict[str, Any] = {"parameters": parameters or None, "rng": seed, "workers": workers}
-    common["progress"] = "sensitivity"
+    if closure is None:
+        settings = shared.pick(asked, "accuracy", "slow", "budget")
+        find: Any = partial(rt.sensitivity, quantities=quantities or None)
+    else:
+        settings = {"closure": closure} | shared.pick(asked, "impacts", "paths", "budget")
+        find = closure_sensitivity
+    find = partial(find, parameters=parameters or None, progress="sensitivity")
     with shared.estimates_shown():
-        if closure is None:
-            settings = {name: asked[name] for name in ("accuracy", "slow", "budget")}
-            found: Any = rt.sensitivity(base, quantities=quantities or None, **settings, **common)
-        else:
-            settings = {"closure": closure} | {
-                name: asked[name] for name in ("impacts", "paths", "budget")
-            }
-            found = closure_sensitivity(base, **settings, **common)
+        found = find(base, **settings, rng=seed, workers=workers)
     results.write(found, scene=base.to_dict(), **settings, seed=seed)
     results.say(found.answer, found.to_dict)
     if closure is None and not found.reached:

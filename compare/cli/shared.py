@@ -85,12 +85,12 @@ OVERWRITE = click.option(
 
 def whole(name: str, default: int | None, meaning: str) -> Option:
     """An option that takes a whole number."""
-    return click.option(f"--{name}", type=WHOLE, default=default, show_default=True, help=meaning)
+    return click.option(f"--{name}", type=WHOLE, default=default, help=meaning)
 
 
 def real(name: str, meaning: str, default: float | None = None) -> Option:
     """An option that takes a number."""
-    return click.option(f"--{name}", type=float, default=default, show_default=True, help=meaning)
+    return click.option(f"--{name}", type=float, default=default, help=meaning)
 
 
 class ClosureName(Name):
@@ -104,9 +104,11 @@ class ClosureName(Name):
 
 
 CLOSURE_TYPE = ClosureName("closures", CLOSURE_NAMES)
+SCHEME_TYPE = Name("scheme", SCHEME_NAMES)
+AXIS_TYPE = Name("axis", AXIS_NAMES)
 
 
-def several(option: str, into: str, kind: type, meaning: str) -> Option:
+def several(option: str, into: str, kind: Any, meaning: str) -> Option:
     """An option that may be given any number of times."""
     metavar = "NAME" if kind is str else None
     return click.option(
@@ -116,25 +118,24 @@ def several(option: str, into: str, kind: type, meaning: str) -> Option:
 
 def grid(option: str, default: str | None, meaning: str) -> Option:
     """An option that takes evenly spaced values."""
-    return click.option(
-        f"--{option}", default=default, show_default=True, metavar="LOW:HIGH:POINTS", help=meaning
-    )
+    return click.option(f"--{option}", default=default, metavar="LOW:HIGH:POINTS", help=meaning)
 
 
 def field(meaning: str) -> Option:
     """The option that names what a sweep varies."""
-    return click.option("--field", default="alpha", show_default=True, metavar="NAME", help=meaning)
+    return click.option("--field", default="alpha", metavar="NAME", help=meaning)
+
+
+def closures(meaning: str) -> Option:
+    """The option of the closures that are compared."""
+    return several("closure", "closures", CLOSURE_TYPE, meaning)
 
 
 def name_option(
-    option: str, names: Sequence[str], meaning: str, *, many: str = "", default: str | None = None
+    option: str, names: Sequence[str], meaning: str, default: str | None = None
 ) -> Option:
-    """An option that takes a name from a list; with `many`, its name in the plural, any number of
-    them."""
-    shown: dict[str, Any] = {"default": default, "show_default": True, "help": meaning}
-    return click.option(
-        f"--{option}", many or option, type=Name(option, names), multiple=bool(many), **shown
-    )
+    """An option that takes a name from a list."""
+    return click.option(f"--{option}", type=Name(option, names), default=default, help=meaning)
 
 
 def join(*options: Option) -> Option:
@@ -176,9 +177,7 @@ def folder(default: Path | str) -> Option:
     given."""
     given = isinstance(default, Path)
     words = "Folder." if given else f"Folder. [default: {default}]"
-    return click.option(
-        "--out", type=FILE_PATH, default=default if given else None, show_default=given, help=words
-    )
+    return click.option("--out", type=FILE_PATH, default=default if given else None, help=words)
 
 
 def json_flag(what: str) -> Option:
@@ -199,6 +198,15 @@ JSON_ALONE = click.option(
 )
 
 
+WRITTEN = ("out", "overwrite", "as_json")
+"""Options of what is written, which `Results` gets."""
+
+
+def name_scene(path: Path | None) -> str:
+    """The name of a scene by its file; DAT21 without one."""
+    return name_of(path) if path else "DAT21"
+
+
 def report(default: str, module: str, *more: Option, otherwise: float = PAPER_SIGMA) -> Option:
     """The options of the folder of a command on a scene, which gets the loaded scene, and a
     function for its `Results`.
@@ -210,12 +218,9 @@ def report(default: str, module: str, *more: Option, otherwise: float = PAPER_SI
     def decorate(command: Callable[..., None]) -> Any:
         @wraps(command)
         def run(scene: Path | None, sigma: float | None, **asked: Any) -> None:
-            written = {
-                name: asked.pop(name) for name in ("out", "overwrite", "as_json") if name in asked
-            }
-            name = name_of(scene) if scene else "DAT21"
+            written = {name: asked.pop(name) for name in WRITTEN if name in asked}
             page = default.removeprefix("reports/NAME-")
-            begin = partial(Results, name, page=page, module=module, **written)
+            begin = partial(Results, name_scene(scene), page=page, module=module, **written)
             command(load_scene(scene, sigma, otherwise), begin, **asked)
 
         return folder_options(default, *more)(run)
@@ -252,7 +257,7 @@ class Results:
         from rattle.compare.engine.run import check_cells
         from rattle.compare.report.provenance import Stopwatch
 
-        self.name = name
+        self.about = {"name": name} if name else {}
         self.overwrite = overwrite
         self.as_json = as_json
         self.writes = out is not None or not as_json
@@ -278,7 +283,7 @@ class Results:
 
         if not self.writes:
             return ()
-        record = ({"name": self.name} if self.name else {}) | settings | provenance(self.watch)
+        record = self.about | settings | provenance(self.watch)
         report: Report = self.make_report(*found, record)
         save(self.out, report, self.overwrite)
         stored.append(lambda: f"the page is written: {self.out}")
@@ -346,6 +351,11 @@ def estimates_shown() -> Iterator[None]:
     finally:
         ESTIMATES.removeHandler(printer)
         ESTIMATES.setLevel(level)
+
+
+def pick(settings: Mapping[str, Any], *names: str) -> dict[str, Any]:
+    """Some of the settings."""
+    return {name: settings[name] for name in names}
 
 
 def check_counts(settings: Mapping[str, Any], **least: int) -> None:

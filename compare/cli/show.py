@@ -89,7 +89,7 @@ def animate(
 
     base = load_scene(scene, sigma, 0.1)
     check_recording(base, impacts, seed)
-    name = name_of(scene) if scene else "DAT21"
+    name = shared.name_scene(scene)
     out = out or Path(f"{default_place(name, '-animation')}.html")
     check_file(out, overwrite)
     shown = record(base, impacts=impacts, seed=seed)

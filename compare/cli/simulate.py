@@ -1,8 +1,8 @@
 """The commands ``rattle simulate``, ``rattle stationary`` and ``rattle chaos``."""
 
 import math
-import os
 import warnings
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,13 +19,13 @@ from rattle.compare.cli.shared import (
     say_lines,
     say_part,
 )
-from rattle.compare.report.folder import check_own, write_whole
+from rattle.compare.report.folder import check_own, check_place, write_whole
 from rattle.scene import InputError, Scene, positive
 from rattle.scene.progress import do
 from rattle.scene.units import UNITS, check_units, in_units
 
 if TYPE_CHECKING:
-    from rattle.montecarlo import Ensemble, Reach
+    from rattle.montecarlo import Ensemble
 
 MOST_NAMED = 8  # rows that miss an accuracy which are named
 TABLE_UNITS = "Units of the tables; physical: ms, mm and mm/s, for a scene with [gears]."
@@ -56,7 +56,7 @@ AN_HOUR = "an hour; beyond it the answer is what 20 s give"
 @shared.name_option(
     "scheme", shared.SCHEME_NAMES, "Scheme. [default: what costs least; exact-flight with --paths]"
 )
-@click.option("--step-bias/--no-step-bias", default=True, show_default=True, help=STEP_BIAS)
+@click.option("--step-bias/--no-step-bias", default=True, help=STEP_BIAS)
 @shared.real(
     "budget",
     f"Processor seconds that an accuracy may take, all threads together. [default: {AN_HOUR}]",
@@ -95,20 +95,19 @@ def simulate(
 
     base = load_scene(scene, sigma)
     check_units(units, base.gears)
-    if out is not None and not out.parent.is_dir():
-        raise InputError("out", str(out), f"the folder {out.parent} does not exist; make it first")
-    if out is not None and (out.is_dir() or not os.access(out.parent, os.W_OK)):
-        raise InputError("out", str(out), "cannot be written; give the name of a file")
     if out is not None:
+        if not out.parent.is_dir():
+            why = f"the folder {out.parent} does not exist; make it first"
+            raise InputError("out", str(out), why)
+        check_place(out)
         check_own(out, rb"\Aimpact,tau", "a table of rattle simulate")
     transient = describe_transient(base)
     if transient and not as_json:
         say(transient)
-    common: dict[str, Any] = {"rng": seed, "progress": "simulating", **settings}
     if paths is not None and accuracy is None:
         recorded = None if step_bias else rt.Record(step_bias=False)
-        run = rt.simulate(
-            base, paths=paths, dt=dt, scheme=scheme or "exact-flight", record=recorded, **common
+        sample: Any = partial(
+            rt.simulate, paths=paths, dt=dt, scheme=scheme or "exact-flight", record=recorded
         )
     else:
         accuracy = 0.01 if accuracy is None else accuracy
@@ -116,41 +115,63 @@ def simulate(
             if value is not None:
                 raise InputError(name, value, "is chosen by --accuracy; leave out one of them")
         do("simulate: pilot runs, which choose scheme, step and paths")
-        with (
-            shared.estimates_shown(),
-            warnings.catch_warnings(action="ignore", category=AccuracyWarning),
-        ):
-            run = rt.simulate_to(
-                base, accuracy, scheme=scheme, budget=budget, refuse=False, **common
-            )
-    reach = run.reach
-    missed = run.reach.missed if run.reach else ()
+        sample = partial(
+            rt.simulate_to, accuracy=accuracy, scheme=scheme, budget=budget, refuse=False
+        )
+    with (
+        shared.estimates_shown(),
+        warnings.catch_warnings(action="ignore", category=AccuracyWarning),
+    ):
+        run = sample(base, rng=seed, progress="simulating", **settings)
     if as_json:
-        record = {
-            "scheme": run.scheme,
-            "dt": run.dt,
-            "paths": run.paths,
-            "seconds": round(run.wall_seconds, 3),
-        }
-        record = {"long_run": transient or None} | record
-        record |= {"reach": reach and reach.sentence, "missed": [row._asdict() for row in missed]}
-        record |= {"diagnostics": run.diagnostics, "units": units}
-        say_json(record | {"section": run.section_in(units).reset_index().to_dict("records")})
+        _say_as_json(run, units, transient)
     else:
-        say(section_table(run, units), keep="\n")
-        took = f"{run.wall_seconds:.1f} s on {settings['workers']} threads"
-        say(f"{run.paths:,} paths, {run.scheme}, dt = {run.dt:.4g}, {took}")
-        if reach and reach.reached:  # else it is among the diagnostics
-            say(reach.sentence)
-        say_lines(run.diagnostics)
-        if reach and missed:
-            say_lines(_list_missed(reach, 2 * (2 + 2 * base.stages) * settings["impacts"]))
+        _say_run(run, units, settings["workers"])
     if out is not None:  # last, so that the results have been printed if the file cannot be written
         from rattle.compare.report.save import csv_text
 
         write_whole(out, csv_text(run.section_in(units)))
-    if reach and not reach.reached:
+    if run.reach and not run.reach.reached:
         raise click.exceptions.Exit(EXIT_NOT_MET)
+
+
+def _say_as_json(run: "Ensemble", units: str, transient: str) -> None:
+    """Print the section table and the settings."""
+    reach = run.reach
+    say_json(
+        {
+            "long_run": transient or None,
+            "scheme": run.scheme,
+            "dt": run.dt,
+            "paths": run.paths,
+            "seconds": round(run.wall_seconds, 3),
+            "reach": reach and reach.sentence,
+            "missed": [row._asdict() for row in reach.missed] if reach else [],
+            "diagnostics": run.diagnostics,
+            "units": units,
+            "section": run.section_in(units).reset_index().to_dict("records"),
+        }
+    )
+
+
+def _say_run(run: "Ensemble", units: str, workers: int) -> None:
+    """Print the section table, what was simulated, and the means and sds that miss the accuracy,
+    the worst by name."""
+    reach = run.reach
+    say(section_table(run, units), keep="\n")
+    took = f"{run.wall_seconds:.1f} s on {workers} threads"
+    say(f"{run.paths:,} paths, {run.scheme}, dt = {run.dt:.4g}, {took}")
+    if reach and reach.reached:  # else it is among the diagnostics
+        say(reach.sentence)
+    say_lines(run.diagnostics)
+    if not reach or not reach.missed:
+        return
+    missed = reach.missed
+    rows = 2 * (2 + 2 * run.scene.stages) * len(run.columns["mesh"])
+    say(f"{len(missed)} of {rows} means and sds miss {reach.asked:g} sd (* in the table):")
+    say_lines(f"  {row.sentence}" for row in missed[:MOST_NAMED])
+    if len(missed) > MOST_NAMED:
+        say(f"  and {len(missed) - MOST_NAMED} more")
 
 
 COLUMN_FORMATS = {"se_": ".2g", "bias_": ".2g", "sd_": ".4g"}
@@ -161,14 +182,6 @@ COLUMNS_SHOWN = (
     *(f"{error}{name}" for name in ("y1", "y2") for error in ("", "se_", "bias_", "sd_")),
     *("mesh", "side", "agreement"),
 )
-
-
-def _list_missed(reach: "Reach", rows: int) -> list[str]:
-    """The means and sds that miss the accuracy, the worst by name."""
-    said = f"{len(reach.missed)} of {rows} means and sds miss {reach.asked:g} sd (* in the table):"
-    named = [f"  {row.sentence}" for row in reach.missed[:MOST_NAMED]]
-    more = len(reach.missed) - MOST_NAMED
-    return [said, *named, *([f"  and {more} more"] if more > 0 else [])]
 
 
 def section_table(run: "Ensemble", units: str) -> str:
@@ -182,26 +195,21 @@ def section_table(run: "Ensemble", units: str) -> str:
     columns = in_units(run.columns, gears, units)
     physical = gears.units.columns_of if gears is not None and units == "physical" else {}
     stars = {(f"{'sd_' if row.moment == 'sd' else ''}{row.quantity}", row.impact) for row in missed}
-    texts = [["impact", *(str(k) for k in range(1, len(columns["mesh"]) + 1))]]
-    for own in COLUMNS_SHOWN:
-        name = physical[own][0] if own in physical else own
+    texts = [["impact", *map(str, range(1, len(columns["mesh"]) + 1))]]
+    for column in COLUMNS_SHOWN:
+        name = physical[column][0] if column in physical else column
         values = columns[name].tolist() if name in columns else []
-        if not all(math.isnan(v) for v in values):
-            form = next(
-                (form for start, form in COLUMN_FORMATS.items() if name.startswith(start)), ".5f"
-            )
-            cells = [format(v, form) if isinstance(v, float) else str(v) for v in values]
-            texts.append(
-                [
-                    name,
-                    *(f"{cell}*" if (own, k) in stars else cell for k, cell in enumerate(cells, 1)),
-                ]
-            )
-    wide = [max(map(len, text)) for text in texts]
-    rows = zip(*texts, strict=True)
-    return "\n".join(
-        "  ".join(cell.rjust(w) for cell, w in zip(row, wide, strict=True)) for row in rows
-    )
+        if all(math.isnan(value) for value in values):
+            continue
+        forms = [form for start, form in COLUMN_FORMATS.items() if name.startswith(start)]
+        form = forms[0] if forms else ".5f"
+        cells = [
+            format(value, form) if isinstance(value, float) else str(value) for value in values
+        ]
+        starred = [cell + "*" * ((column, k) in stars) for k, cell in enumerate(cells, start=1)]
+        texts.append([name, *starred])
+    widths = [max(map(len, text)) for text in texts]
+    return "\n".join("  ".join(map(str.rjust, row, widths)) for row in zip(*texts, strict=True))
 
 
 @click.command()
@@ -213,7 +221,7 @@ def section_table(run: "Ensemble", units: str) -> str:
 @shared.whole("burn-in", None, "Periods of burn-in, left out. [default: found by tests]")
 @shared.real("slow", "Speed below which an impact is slow.", 0.1)
 @shared.real("budget", BUDGET)
-@click.option("--closure", "closures", type=shared.CLOSURE_TYPE, multiple=True, help=COMPARED_HELP)
+@shared.closures(COMPARED_HELP)
 @click.option("--no-closures", is_flag=True, help="Compare no closure.")
 @shared.field("Field of the scene, or value of its gears, that --over is of.")
 @shared.grid("over", None, "Draw a bifurcation diagram over these values of a field.")
@@ -256,18 +264,16 @@ def stationary(
     at = () if over is None else values("over", over)
     scenes = vary(base, field, at)
     results = begin()
-    settings = {
-        name: settings[name]
-        for name in ("accuracy", "periods", "paths", "burn_in", "slow", "budget")
-    }
+    names = ("accuracy", "periods", "paths", "burn_in", "slow", "budget")
+    settings = shared.pick(settings, *names)
     settings["quantities"] = list(quantities or ASKED)
     settings["closures"] = [] if no_closures else list(closures or CLOSURES_JUDGED)
     view = stationary_bifurcation(scenes, field, seed=seed, workers=workers) if at else None
     with shared.estimates_shown():
         found = rt.stationary(base, **settings, rng=seed, workers=workers, progress="stationary")
-    more = {"scene": base.to_dict(), **settings, "seed": seed, "field": field, "over": list(at)}
-    said = results.write(found, view, **more)
-    results.say(said, lambda: found.to_dict(units or "dimensionless"))
+    settings |= {"seed": seed, "field": field, "over": list(at)}
+    answer = results.write(found, view, scene=base.to_dict(), **settings)
+    results.say(answer, lambda: found.to_dict(units or "dimensionless"))
     if found.run and found.run.reach and not found.run.reach.reached:
         raise click.exceptions.Exit(EXIT_NOT_MET)
 
@@ -286,7 +292,6 @@ def stationary(
     "--width",
     type=float,
     default=0.01,
-    show_default=True,
     help="Widest interval of a largest exponent.",
 )
 @shared.whole("points", 1_000_000, "Points of each Poincare section.")
@@ -315,7 +320,7 @@ def chaos(
     positive("width", settings["width"])
     shared.check_counts(settings, points=100, impacts=20_000, events=128, workers=1)
     results = begin()
-    effort = Effort(**{name: settings[name] for name in Effort._fields})
+    effort = Effort(**shared.pick(settings, *Effort._fields))
     found = study(base, scenes, field, effort, say_part, results.cells)
     said = "the scene's" if noise is None else "sqrt(alpha)"
     answer = results.write(found, scene=base.to_dict(), **settings, over=list(at), noise=said)

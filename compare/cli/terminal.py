@@ -129,20 +129,22 @@ def _read_cell(text: str) -> TableCell:
 def _panels(table: Table, width: int) -> Iterator[tuple[list[int], list[int]]]:
     """Split a table into panels that fit the width, each with the first column; columns and their
     widths."""
-    least, whole = zip(
-        *(_extent(table, column) for column in range(len(table.columns))), strict=True
-    )
     first, *rest = range(len(table.columns))
+    extents = [_extent(table, column) for column in (first, *rest)]
     while True:
         panel = [first]
-        while rest and (len(panel) == 1 or _total([least[c] for c in [*panel, rest[0]]]) <= width):
+        spare = width - extents[first][0]
+        while rest:
+            left = spare - len(GAP) - extents[rest[0]][0]
+            if left < 0 and len(panel) > 1:
+                break
+            spare = left
             panel.append(rest.pop(0))
-        widths = [least[c] for c in panel]
-        spare = width - _total([least[c] for c in panel])
+        widths = []
         # spare width goes to columns that are narrower than their text
-        for i, column in enumerate(panel):
-            more = min(max(spare, 0), whole[column] - least[column])
-            widths[i] = widths[i] + more
+        for least, whole in (extents[column] for column in panel):
+            more = min(max(spare, 0), whole - least)
+            widths.append(least + more)
             spare = spare - more
         if spare < 0:  # two columns alone are too wide
             widths[-1] = max(1, widths[-1] + spare)
@@ -151,50 +153,44 @@ def _panels(table: Table, width: int) -> Iterator[tuple[list[int], list[int]]]:
             return
 
 
-def _total(widths: Sequence[int]) -> int:
-    return sum(widths) + len(GAP) * (len(widths) - 1)
-
-
 def _extent(table: Table, column: int) -> tuple[int, int]:
     """The smallest width of a column, and the one at which nothing in it is wrapped."""
     head = table.columns[column].head
     cells = [len(row[column].display) for row in table.rows]
     word = max((len(w) for w in head.split()), default=0)
     longest = max([*cells, word])
-    least = (
-        longest
-        if table.columns[column].kind == NUMBER
-        else max(min(longest, NARROWEST_COLUMN), min(word, NARROWEST_COLUMN))
-    )
+    is_number = table.columns[column].kind == NUMBER
+    least = longest if is_number else min(longest, NARROWEST_COLUMN)
     return least, max(longest, min(len(head), 2 * longest))
 
 
 def _panel(table: Table, columns: Sequence[int], widths: Sequence[int]) -> Iterator[str]:
     """The lines of some columns of a table: heads, which stand on the lowest of their lines, a
     rule, and rows."""
-    heads = [textwrap.wrap(table.columns[c].head, w) for c, w in zip(columns, widths, strict=True)]
-    deepest = max(map(len, heads))
     kinds = [table.columns[c].kind for c in columns]
-    yield from _lines(
-        kinds, widths, [[""] * (deepest - len(h)) + h for h in heads], [""] * len(columns)
-    )
+    heads = [textwrap.wrap(table.columns[c].head, w) for c, w in zip(columns, widths, strict=True)]
+    # from the lowest line up
+    upwards = zip_longest(*(reversed(head) for head in heads), fillvalue="")
+    for pieces in reversed(list(upwards)):
+        yield _line(kinds, widths, pieces, [""] * len(columns))
     yield GAP.join("─" * w for w in widths)
     for row in table.rows:
         cells = [row[c] for c in columns]
         wrapped = [textwrap.wrap(cell.display, w) for cell, w in zip(cells, widths, strict=True)]
-        yield from _lines(kinds, widths, wrapped, [cell.mark for cell in cells])
+        for pieces in zip_longest(*wrapped, fillvalue=""):
+            yield _line(kinds, widths, pieces, [cell.mark for cell in cells])
 
 
-def _lines(
-    kinds: Sequence[str], widths: Sequence[int], wrapped: Sequence[list[str]], marks: Sequence[str]
-) -> Iterator[str]:
-    for pieces in zip_longest(*wrapped, fillvalue=""):
-        shown = []
-        for piece, kind, width, mark in zip(pieces, kinds, widths, marks, strict=True):
-            room = " " * (width - len(piece))
-            styled = click.style(piece, fg=COLOUR[mark]) if mark and piece else piece
-            shown.append(room + styled if kind == NUMBER else styled + room)
-        yield GAP.join(shown).rstrip()
+def _line(
+    kinds: Sequence[str], widths: Sequence[int], pieces: Sequence[str], marks: Sequence[str]
+) -> str:
+    """A line of cells, numbers to the right, those with a mark in its colour."""
+    shown = []
+    for piece, kind, width, mark in zip(pieces, kinds, widths, marks, strict=True):
+        room = " " * (width - len(piece))
+        styled = click.style(piece, fg=COLOUR[mark]) if mark and piece else piece
+        shown.append(room + styled if kind == NUMBER else styled + room)
+    return GAP.join(shown).rstrip()
 
 
 def select(sections: Sequence[ShownSection], words: str) -> list[ShownSection]:

@@ -3,6 +3,7 @@
 import math
 import sys
 from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,7 +19,7 @@ from rattle.compare.cli.shared import (
     say_json,
     say_lines,
 )
-from rattle.compare.report.folder import default_place, name_of
+from rattle.compare.report.folder import default_place
 from rattle.scene import Scene, count, positive
 
 if TYPE_CHECKING:
@@ -52,20 +53,15 @@ PAPER_SIGMAS = (0.01, 0.1, PAPER_SIGMA)
 @shared.name_option(
     "scheme", shared.SCHEME_NAMES, "Scheme of the simulation.", default="exact-flight"
 )
-@click.option(
-    "--closure", "closures", type=shared.CLOSURE_TYPE, multiple=True, help=JUDGED_CLOSURES_HELP
-)
-@shared.name_option("beside", shared.SCHEME_NAMES, BESIDE_HELP, many="beside")
+@shared.closures(JUDGED_CLOSURES_HELP)
+@shared.several("beside", "beside", shared.Name("beside", shared.SCHEME_NAMES), BESIDE_HELP)
 @shared.whole("order", 4, "Order of the closures' moments, 2 to 6.")
 @shared.SEED_AND_WORKERS
 @shared.grid("validity", "1e-3:2:12", VALIDITY)
 @shared.whole("validity-paths", 40_000, "Simulated paths of each of these.")
 @shared.real("budget", "Core-seconds of counted work for that figure.", 60.0)
 @click.option("--no-validity", is_flag=True, help="Leave that figure out.")
-@click.option(
-    "--out", type=shared.FILE_PATH, default=None, help="Report folder. [default: reports/NAME]"
-)
-@click.option("--overwrite", is_flag=True, help="Replace an earlier report in that folder.")
+@shared.folder_options("reports/NAME")
 @click.option("--repeat", type=shared.FILE_PATH, help="Repeat the run of a manifest.json.")
 @click.option(
     "--require",
@@ -111,7 +107,7 @@ def validate(
         out = out or default_place(settings.name, "-repeated")
     else:
         base = load_scene(scene, sigmas[0] if sigmas else None, 0.0)
-        name = name_of(scene) if scene else "DAT21"
+        name = shared.name_scene(scene)
         wanted = sigmas or ((base.sigma,) if scene else PAPER_SIGMAS)
         settings = settle(
             name,
@@ -149,9 +145,7 @@ def _leave_out(sentences: Sequence[str], told: Sequence[str]) -> list[str]:
     from rattle.compare.validation.answer import SECTION_EXPLAINED
 
     known = {sentence.replace(SECTION_EXPLAINED, "") for sentence in told}
-    return [
-        sentence for sentence in sentences if sentence.replace(SECTION_EXPLAINED, "") not in known
-    ]
+    return [text for text in sentences if text.replace(SECTION_EXPLAINED, "") not in known]
 
 
 def _say_as_json(run: "ReportRun", record: Mapping[str, Any], repeated: "Repeat | None") -> None:
@@ -204,7 +198,6 @@ def _exit(run: "ReportRun", repeated: "Repeat | None", must_be_accurate: bool) -
 @click.option(
     "--orders/--no-orders",
     default=True,
-    show_default=True,
     help="Measure the schemes' weak orders as well.",
 )
 @shared.whole("workers", 2, "Threads.")
@@ -224,11 +217,9 @@ def tradeoff(
     positive("sigma", base.sigma)
     asked = check_accuracies(accuracies or ACCURACIES)
     positive("budget", settings["budget"])
-    common: dict[str, Any] = {name: settings[name] for name in ("impacts", "workers")}
+    check = partial(check_settings, base, paths=1, dt=None, rng=settings["seed"], step_bias=False)
     for scheme in SCHEMES:
-        check_settings(
-            base, paths=1, dt=None, scheme=scheme, rng=settings["seed"], step_bias=False, **common
-        )
+        check(scheme=scheme, impacts=settings["impacts"], workers=settings["workers"])
     results = begin()
     asked_for = {"accuracies": asked, "orders": orders, **settings}
     found = measure(base, **asked_for)

@@ -14,7 +14,7 @@ from rattle.closure.mean_map import find_closure, predict
 from rattle.compare.engine.run import Runner
 from rattle.compare.engine.store import open_store
 from rattle.compare.parameters import search
-from rattle.compare.parameters.finding import Finding, list_undecided, list_values
+from rattle.compare.parameters.finding import AlongParameter
 from rattle.compare.parameters.search import Edge, Judgement
 from rattle.compare.report.interrupt import BudgetEnded, stop_after
 from rattle.compare.report.json_text import json_digest
@@ -41,7 +41,7 @@ AROUND = 4.0  # other parameters: from a fourth of their value to four times it
 
 @numpy_defaults
 @dataclass(frozen=True, repr=False)
-class Boundary(Finding):
+class Boundary(AlongParameter):
     """The values of a parameter between which a closure stops holding, from `boundary`.
 
     Attributes
@@ -71,8 +71,8 @@ class Boundary(Finding):
     """
 
     title = "Boundary of {closure} over {over}"
-    shown = "points"
-    plain = ("closure", "over", "unit", "answer", "edges", "path_steps", "points")
+    first = Verdict.ACCURATE
+    grows_with = "sigma"  # the error: more noise never helps a closure
 
     scene: Scene
     closure: str
@@ -81,43 +81,6 @@ class Boundary(Finding):
     points: pd.DataFrame
     path_steps: int
     unit: str = ""
-
-    @property
-    def answer(self) -> list[str]:
-        """The edges in words, and what is not known."""
-        unit = f" {self.unit}" if self.unit else ""
-        closure = f"`{self.closure}`"
-        over = self.over
-        table = self.points
-        span = f"from {over} = {table['value'].min():.4g} to {table['value'].max():.4g}{unit}"
-        said = []
-        for edge in self.edges:
-            way = "up to" if edge.accurate < edge.wrong else "down to"
-            accurate = f"{closure} is accurate {way} {over} = {edge.accurate:.4g}{unit}"
-            said.append(f"{accurate} and shown wrong at {edge.wrong:.4g} ({edge.why}).")
-        if len(self.edges) > 1:
-            said.append("Its range of validity is not one interval.")
-        verdicts = set(table["verdict"])
-        if verdicts == {Verdict.ACCURATE}:
-            said += [
-                f"{closure} is accurate {span}: no boundary in there.",
-                _side(over, unit, table, accurate=True),
-            ]
-        elif verdicts == {Verdict.INACCURATE}:
-            said += [
-                f"{closure} is nowhere accurate {span}.",
-                _side(over, unit, table, accurate=False),
-            ]
-        elif not self.edges:
-            best = table[table["verdict"] != Verdict.UNDECIDED]
-            also = (
-                f"; it is {best['verdict'].iloc[0]} at {list_values(best['value'])}{unit}"
-                if len(best)
-                else ""
-            )
-            said.append(f"No boundary of {closure} was decided {span}{also}.")
-        said += list_undecided(table, over, unit)
-        return [*said, f"{len(table)} values were judged, with {self.path_steps:.3g} path-steps."]
 
     def plot(self) -> "Figure":
         """Draw the error of the worst row over its tolerance at every value.
@@ -129,7 +92,7 @@ class Boundary(Finding):
         """
         from rattle.compare.parameters.figures import boundary_figure
 
-        return boundary_figure(self.over, self.unit, self.edges, self.points)
+        return boundary_figure(self)
 
 
 @numpy_defaults
@@ -218,50 +181,41 @@ def boundary(
     parameter, low, high, time_left = check_search(scene, over, between, points, width, budget)
     seed = read_whole_seed(rng)
     z = search.critical(count("impacts", impacts), scene.stages, count("searches", searches))
-    limits = Tolerances(*tolerances) if tolerances else Tolerances()
+    limits = Tolerances(*(tolerances or ()))
     method = find_closure("closure", closure)
     method.check(parameter.scene_at(low))
     if progress:
         state_effort(progress, parameter, parameter.scene_at(low), points, impacts)
     steps = 0
-    bar = ProgressBar(label=progress, unit=" values")
     store = open_store(folder)
-    with Runner(workers) as runner, bar:
 
-        def judge(value: float) -> Judgement:
-            def simulate(changed: Scene, paths: int, near_branches: bool) -> Any:
-                nonlocal steps
-                bar.set_postfix_str(f"{over} = {value:.4g}, {paths:,} paths")
-                cell = Sample(
-                    changed,
-                    impacts,
-                    own_seed(changed, seed),
-                    paths=paths,
-                    near_branches=near_branches,
-                )
-                run = store.obtain(cell, runner.compute)
-                steps += run.facts["path_steps"]
-                return run
+    def judge(value: float) -> Judgement:
+        def simulate(changed: Scene, paths: int, near_branches: bool) -> Any:
+            nonlocal steps
+            bar.set_postfix_str(f"{over} = {value:.4g}, {paths:,} paths")
+            its_seed = seed_of(changed, seed)
+            cell = Sample(changed, impacts, its_seed, paths=paths, near_branches=near_branches)
+            run = store.obtain(cell, runner.compute)
+            steps += run.facts["path_steps"]
+            return run
 
-            seconds = time_left.remaining
-            ended = Judgement(value, Verdict.UNDECIDED, remark=BUDGET_ENDED)
+        seconds = time_left.remaining
+        try:
             if seconds < 0.0:
-                return ended
-            try:
-                changed = parameter.scene_at(value)
-                with stop_after(seconds if method.own else math.inf):
-                    predicted = predict(changed, method, impacts, MOMENT_ORDER).phase_reduced
-                found = search.judge_value(value, changed, predicted, simulate, z, limits)
-            except BudgetEnded:
-                return ended
-            # what this scene cannot have, or what cannot be simulated there
-            except InputError as error:
-                found = Judgement(value, Verdict.UNDECIDED, remark=str(error))
+                raise BudgetEnded
+            changed = parameter.scene_at(value)
+            with stop_after(seconds if method.own else math.inf):
+                predicted = predict(changed, method, impacts, MOMENT_ORDER).phase_reduced
+            return search.judge_value(value, changed, predicted, simulate, z, limits)
+        # what this scene cannot have, or what cannot be simulated there, is undecided
+        except (BudgetEnded, InputError) as error:
+            return Judgement(value, Verdict.UNDECIDED, remark=str(error) or BUDGET_ENDED)
+        finally:
             bar.update()
-            return found
 
+    with Runner(workers) as runner, ProgressBar(label=progress, unit=" values") as bar:
         changes, table = search.find_changes(
-            judge, low, high, points, width, first=Verdict.ACCURATE, near=near
+            judge, low, high, points, width, first=Boundary.first, near=near
         )
     edges = tuple(Edge(good.value, bad.value, bad.row) for good, bad in changes)
     return Boundary(scene, method.name, over, edges, table, steps, parameter.unit)
@@ -278,27 +232,7 @@ def state_effort(label: str, parameter: Parameter, scene: Scene, points: int, im
         search.state_effort(label, parameter.name, points, least, most)
 
 
-def _side(over: str, unit: str, table: pd.DataFrame, accurate: bool) -> str:
-    """On which side of the range to look for a boundary that is not in it."""
-    first = table.iloc[0]
-    last = table.iloc[-1]
-    grows = last["low"] > first["high"]
-    falls = first["low"] > last["high"]
-    if not falls and over == "sigma":
-        grows = True  # where the intervals do not tell it: more noise never helps
-    if not grows and not falls:
-        return (
-            f"If there is one, it lies below {first['value']:.4g} or above"
-            f" {last['value']:.4g}{unit}."
-        )
-    above = grows == accurate
-    return (
-        f"If there is one, it lies {'above' if above else 'below'}"
-        f" {(last if above else first)['value']:.4g}{unit}."
-    )
-
-
-def own_seed(scene: Scene, seed: int) -> int:
+def seed_of(scene: Scene, seed: int) -> int:
     """A seed for each scene: where a search goes next depends on what it saw, so the next noise
     must be another."""
     return int(json_digest({"scene": replace(scene, gears=None).to_dict(), "seed": seed})[:8], 16)
@@ -329,19 +263,21 @@ def find_range(
 ) -> tuple[float, float]:
     """The range of a search; both ends are values that a scene can have."""
     over = parameter.name
-    own = parameter.value
-    if between is None and over != "sigma" and not own > 0.0:
-        raise InputError(name, None, f"give a range: {over} is {own:.4g} in this scene")
-    low, high = between or (SIGMA_RANGE if over == "sigma" else (own / around, own * around))
+    value = parameter.value
+    ends = between or (SIGMA_RANGE if over == "sigma" else (value / around, value * around))
+    if between is None and over != "sigma" and not value > 0.0:
+        raise InputError(name, None, f"give a range: {over} is {value:.4g} in this scene")
+    low, high = ends
     if not positive(name, low) < positive(name, high):
         raise InputError(name, (low, high), "give a smaller and a larger value")
-    for end in (low, high):
+    possible = []
+    for end in ends:
         try:
             parameter.scene_at(end)
         except InputError as error:
             if between is not None:
-                raise InputError(
-                    name, end, f"no scene can have {over} = {end:.4g} ({error})"
-                ) from None
-            low, high = (own, high) if end == low else (low, own)
-    return low, high
+                why = f"no scene can have {over} = {end:.4g} ({error})"
+                raise InputError(name, end, why) from None
+            end = value
+        possible.append(end)
+    return possible[0], possible[1]

@@ -7,15 +7,14 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-import numpy as np
 import pandas as pd
 
 from rattle.compare.engine.run import Runner
 from rattle.compare.engine.store import open_store
-from rattle.compare.parameters.boundary import check_search, own_seed
-from rattle.compare.parameters.finding import Finding, list_undecided, with_unit
+from rattle.compare.parameters.boundary import check_search, seed_of
+from rattle.compare.parameters.finding import AlongParameter, same_speed, with_unit
 from rattle.compare.parameters.search import MOST_VALUES, find_changes, state_effort
 from rattle.compare.stationary.result import unit_of
 from rattle.compare.stationary.study import LongCell, LongResult
@@ -64,7 +63,7 @@ class Sides(NamedTuple):
 
 @numpy_defaults
 @dataclass(frozen=True, repr=False)
-class Crossing(Finding):
+class Crossing(AlongParameter):
     """The values of a parameter between which a quantity of the long run crosses a level, from
     `crossing`.
 
@@ -98,8 +97,7 @@ class Crossing(Finding):
     """
 
     title = "Crossing of {quantity} = {level:g} over {over}"
-    shown = "points"
-    plain = ("quantity", "level", "quantity_unit", "over", "unit", "answer", "edges", "points")
+    first = BELOW_LEVEL
 
     scene: Scene
     quantity: str
@@ -109,41 +107,6 @@ class Crossing(Finding):
     points: pd.DataFrame
     unit: str = ""
     quantity_unit: str = ""
-
-    @property
-    def answer(self) -> list[str]:
-        """The crossings in words, and what is not known."""
-        unit = f" {self.unit}" if self.unit else ""
-        level = f"{self.level:g} {self.quantity_unit}".rstrip()
-        table = self.points
-        over = f"{self.over} = "
-        span = f"from {over}{table['value'].min():.4g} to {table['value'].max():.4g}{unit}"
-        said = []
-        for edge in self.edges:
-            first, then = (
-                (BELOW_LEVEL, ABOVE_LEVEL)
-                if edge.below < edge.above
-                else (ABOVE_LEVEL, BELOW_LEVEL)
-            )
-            up_to = f"{level} up to {over}{min(edge):.4g}{unit}"
-            said.append(f"`{self.quantity}` is {first} {up_to} and {then} it at {max(edge):.4g}.")
-        if len(self.edges) > 1:
-            said.append("It crosses the level more than once.")
-        sides = set(table["verdict"])
-        if len(sides) == 1 and Verdict.UNDECIDED not in sides:
-            said.append(
-                f"`{self.quantity}` is {sides.pop()} {level} {span}: it does not cross it there."
-            )
-            one, other = table.iloc[[0, -1]].to_dict("records")
-            # towards the end that is nearer the level
-            if one["low"] > other["high"] or other["low"] > one["high"]:
-                up = abs(other["estimate"] - self.level) < abs(one["estimate"] - self.level)
-                end = f"above {other['value']:.4g}" if up else f"below {one['value']:.4g}"
-                said.append(f"If it does, it is {end}{unit}.")
-        elif not self.edges:
-            said.append(f"No crossing of {level} by `{self.quantity}` was decided {span}.")
-        said += list_undecided(table, self.over, unit)
-        return [*said, f"{len(table)} values were judged."]
 
     def plot(self) -> "Figure":
         """Draw the quantity, with its interval, at every value, and the level.
@@ -155,9 +118,7 @@ class Crossing(Finding):
         """
         from rattle.compare.parameters.figures import crossing_figure
 
-        across = with_unit(self.over, self.unit)
-        up = with_unit(self.quantity, self.quantity_unit)
-        return crossing_figure(self.level, self.edges, self.points, across, up)
+        return crossing_figure(self, self.level, with_unit(self.quantity, self.quantity_unit))
 
 
 @numpy_defaults
@@ -237,53 +198,47 @@ def crossing(
     'mW'
     """
     parameter, low, high, time_left = check_search(scene, over, between, points, width, budget)
-    whole = read_whole_seed(rng)
+    seed = read_whole_seed(rng)
     choice("quantity", quantity, all_names(scene.stages))
     level = float(positive("level", level))
     positive("slow", slow)
     if progress:
         do(f"{progress}: timing a few paths")
         with suppress(InputError):  # it cannot be simulated, which the search says of its value
-            expected = expect_run(
-                parameter.scene_at(low), CROSSING_PATHS, PERIODS_OF_LOOKS[0], slow=slow
-            )
+            first = parameter.scene_at(low)
+            expected = expect_run(first, CROSSING_PATHS, PERIODS_OF_LOOKS[0], slow=slow)
             most = expected.lengthen(PERIODS_OF_LOOKS[-1] - PERIODS_OF_LOOKS[0])
             state_effort(progress, over, points, expected.core_seconds, most)
-    units = "dimensionless" if scene.gears is None else "physical"
-    bar = ProgressBar(label=progress, unit=" values")
     store = open_store(folder)
-    with Runner(workers) as runner, bar:
 
-        def judge(value: float) -> SideOfLevel:
-            changed = parameter.scene_at(value)
-            # gears do not have the value of a field that they fix
-            gears = changed.gears or scene.gears
-            same_speed = (
-                scene.gears.units.speed / gears.units.speed if scene.gears and gears else 1.0
+    def judge(value: float) -> SideOfLevel:
+        changed = parameter.scene_at(value)
+        # gears do not have the value of a field that they fix
+        factor = unit_of(quantity, changed.gears or scene.gears, "physical")[1]
+        slow_there = same_speed(slow, scene, changed)
+        its_seed = seed_of(changed, seed)
+
+        def run(periods: int) -> LongResult:
+            bar.set_postfix_str(f"{over} = {value:.4g}, {periods:,} periods")
+            cell = LongCell(
+                changed, its_seed, (), periods=periods, paths=CROSSING_PATHS, slow=slow_there
             )
-            factor = unit_of(quantity, gears, units)[1]
+            result: LongResult = store.obtain(cell, runner.compute)
+            return result
 
-            def run(periods: int) -> LongResult:
-                bar.set_postfix_str(f"{over} = {value:.4g}, {periods:,} periods")
-                seed = own_seed(changed, whole)
-                cell = LongCell(
-                    changed, seed, (), periods=periods, paths=CROSSING_PATHS, slow=slow * same_speed
-                )
-                found: LongResult = store.obtain(cell, runner.compute)
-                return found
+        side = judge_level(value, quantity, level / factor, run, time_left)
+        bar.update()
+        return side._replace(
+            estimate=factor * side.estimate, low=factor * side.low, high=factor * side.high
+        )
 
-            found = judge_level(value, quantity, level / factor, run, time_left)
-            bar.update()
-            return found._replace(
-                estimate=factor * found.estimate, low=factor * found.low, high=factor * found.high
-            )
-
-        with ThreadPoolExecutor(workers) as pool:
-            changes, table = find_changes(
-                judge, low, high, points, width, first=BELOW_LEVEL, each=pool.map
-            )
+    bar = ProgressBar(label=progress, unit=" values")
+    with Runner(workers) as runner, bar, ThreadPoolExecutor(workers) as pool:
+        changes, table = find_changes(
+            judge, low, high, points, width, first=Crossing.first, map_scan=pool.map
+        )
     edges = tuple(Sides(below.value, above.value) for below, above in changes)
-    unit = unit_of(quantity, scene.gears, units)[0]
+    unit, _ = unit_of(quantity, scene.gears, "physical")
     return Crossing(scene, quantity, level, over, edges, table, parameter.unit, unit)
 
 
@@ -298,44 +253,41 @@ def judge_level(
 
     `run`: Makes a long run of so many periods.
     """
-    found = SideOfLevel(value, Verdict.UNDECIDED)
+    side = SideOfLevel(value, Verdict.UNDECIDED)
     looks = Looks(PERIODS_OF_LOOKS, budget=time_left)
     for periods in looks:
         try:
             result = run(periods)
         except InputError as error:  # no stationary motion is reached
-            return found._replace(remark=str(error))
+            return side._replace(remark=str(error))
         estimate, low, high = find_interval(result, quantity)
-        found = SideOfLevel(value, Verdict.UNDECIDED, periods, estimate, low, high)
+        side = SideOfLevel(value, Verdict.UNDECIDED, periods, estimate, low, high)
         if high < level:
-            return found._replace(verdict=BELOW_LEVEL)
+            return side._replace(verdict=BELOW_LEVEL)
         if low > level:
-            return found._replace(verdict=ABOVE_LEVEL)
+            return side._replace(verdict=ABOVE_LEVEL)
         looks.why = "there are no such impacts" if math.isnan(estimate) else TOO_NEAR
         if estimate > 0.0:
             margin = abs(estimate - level)
             half = 0.5 * (high - low)
             looks.expect(periods * (half / margin) ** 2 if margin > 0.0 else math.inf)
-    return found._replace(remark=looks.why)
+    return side._replace(remark=looks.why)
 
 
 def find_interval(result: LongResult, quantity: str) -> tuple[float, float, float]:
     """A quantity of a long run with the interval that counts all looks at all values."""
     if quantity not in result.table.index:  # at rest
         return math.nan, math.nan, math.nan
-    row = result.table.loc[quantity].to_dict()
-    value = float(row["value"])
-    se = float(row["se"])
-    if result.facts["kind"] != "simulated":
+    row: Any = result.table.loc[quantity].astype(float)
+    value, se, paths = row[["value", "se", "effective_paths"]]
+    facts = result.facts
+    if facts["kind"] != "simulated":
         return value, value, value
     # none was seen: the upper limit of a Poisson count
     if quantity.startswith("rate") and value == 0.0:
-        return (
-            0.0,
-            0.0,
-            most_unseen(2.0 * math.pi * result.facts["paths"] * result.facts["periods"], TAIL),
-        )
+        time = 2.0 * math.pi * facts["paths"] * facts["periods"]
+        return 0.0, 0.0, most_unseen(time, TAIL)
     if not se > 0.0:
         return math.nan, math.nan, math.nan
-    half = float(half_width(np.asarray(row["effective_paths"]), TAIL)) * se
+    half = float(half_width(paths, TAIL)) * se
     return value, value - half, value + half

@@ -1,17 +1,13 @@
 """The figures of boundaries, maps, crossings and sensitivities."""
 
-from collections.abc import Sequence
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.patches import Rectangle
 
-from rattle.compare.parameters.finding import quantity_words, with_unit
-from rattle.compare.parameters.search import Edge
+from rattle.compare.parameters.finding import AlongParameter, quantity_words, with_unit
 from rattle.compare.report.style import legend_above, new_figure
 from rattle.compare.study.parameters import PERCENT
 from rattle.compare.validation.verdict import DECIDED, Verdict
@@ -28,80 +24,76 @@ MORE = "#D55E00"
 BENT_COLOUR = "#999999"
 
 
-def boundary_figure(over: str, unit: str, edges: Sequence[Edge], points: pd.DataFrame) -> Figure:
+def boundary_figure(found: AlongParameter) -> Figure:
     """Draw the error of the worst row over its tolerance at every value, and the edges."""
-    table = points[points["error"].notna()]
+    table = found.points.dropna(subset="error")
     # the axis ends below the least error; there is none where a budget ended before any value
     least = 0.5 * min([0.1, *table["error"]])
-    figure, ax = _draw_values(table.assign(low=table["low"].clip(lower=least)), "error")
-    for edge in edges:
-        ax.axvspan(
-            edge.accurate, edge.wrong, color="0.5", alpha=0.3, lw=0, label="where it stops holding"
-        )
+    table["low"] = table["low"].clip(lower=least)
+    figure, ax = _draw_search(found, table, "error", "where it stops holding")
     ax.axhline(1.0, color="0.2", lw=0.8, ls="--", label="tolerance")
-    ax.set(
-        xscale="log", yscale="log", xlabel=with_unit(over, unit), ylabel="worst error / tolerance"
-    )
+    ax.set(yscale="log", ylabel="worst error / tolerance")
     ax.set_ylim(bottom=least)
     legend_above(figure, [ax], 5)
     return figure
 
 
-def _draw_values(table: pd.DataFrame, column: str) -> tuple[Figure, Axes]:
-    """A figure of what was found at every value, with its interval."""
+def crossing_figure(found: AlongParameter, level: float, up: str) -> Figure:
+    """Draw a quantity with its interval at every value, and the level."""
+    table = found.points.dropna(subset="estimate")
+    figure, ax = _draw_search(found, table, "estimate", "where it crosses")
+    ax.axhline(level, color="0.2", lw=0.8, ls="--", label="level")
+    ax.set_ylabel(up)
+    ax.set_ylim(bottom=0.0 if (table["estimate"] >= 0.0).all() else None)
+    legend_above(figure, [ax], 5)
+    return figure
+
+
+def _draw_search(
+    found: AlongParameter, table: pd.DataFrame, column: str, shaded: str
+) -> tuple[Figure, Axes]:
+    """Draw what was found at every value with its interval, and where the verdict changes."""
     figure, (ax,) = new_figure(7.4, 3.8, 1, 1)
     for verdict, rows in table.groupby("verdict"):
         ends = np.abs(rows[["low", "high"]].to_numpy().T - rows[column].to_numpy())
         style: dict[str, Any] = {"fmt": "o", "ms": 4, "capsize": 2, "color": COLOURS[str(verdict)]}
         ax.errorbar(rows["value"], rows[column], yerr=ends, label=str(verdict), **style)
+    for edge in found.edges:
+        ax.axvspan(*sorted(edge[:2]), color="0.5", alpha=0.3, lw=0, label=shaded)
+    ax.set(xscale="log", xlabel=with_unit(found.over, found.unit))
     return figure, ax
-
-
-def crossing_figure(
-    level: float, edges: Sequence[Any], points: pd.DataFrame, across: str, up: str
-) -> Figure:
-    """Draw a quantity with its interval at every value, and the level."""
-    table = points[points["estimate"].notna()]
-    figure, ax = _draw_values(table, "estimate")
-    for edge in edges:
-        ax.axvspan(*sorted(edge), color="0.5", alpha=0.3, lw=0, label="where it crosses")
-    ax.axhline(level, color="0.2", lw=0.8, ls="--", label="level")
-    ax.set(xscale="log", xlabel=across, ylabel=up)
-    ax.set_ylim(bottom=0.0 if (table["estimate"] >= 0.0).all() else None)
-    legend_above(figure, [ax], 5)
-    return figure
 
 
 def map_figure(curve: pd.DataFrame, points: pd.DataFrame, across: str, up: str) -> Figure:
     """Draw a bar at each value of the second parameter: accurate, wrong, or in between; markers at
     the edges."""
     figure, (ax,) = new_figure(7.4, 4.2, 1, 1)
-    places = sorted(curve["along"].unique())
-    at = np.log(places)
-    middle = 0.5 * (at[1:] + at[:-1])
-    ends = np.exp([2.0 * at[0] - middle[0], *middle, 2.0 * at[-1] - middle[-1]])
-    shown: dict[str, str] = {verdict: verdict for verdict in DECIDED}
-    shown[Verdict.UNDECIDED] = "not decided between"
-    for _, of in points.sort_values("value").groupby("along"):
-        i = places.index(of["along"].iloc[0])
-        for low, high in pairwise(of.to_dict("records")):
-            same = low["verdict"] if low["verdict"] == high["verdict"] else Verdict.UNDECIDED
-            size = (ends[i + 1] - ends[i], high["value"] - low["value"])
-            corner = (ends[i], low["value"])
-            label = shown.pop(same, None)
-            ax.add_patch(
-                Rectangle(corner, *size, color=COLOURS[same], alpha=0.45, lw=0, label=label)
-            )
-    edges = curve[curve["accurate"].notna() & curve["wrong"].notna()]
-    for column, verdict, marker in zip(("accurate", "wrong"), DECIDED, "^v", strict=True):
-        ax.plot(
-            edges["along"],
-            edges[column],
-            marker,
-            ms=5,
-            color=COLOURS[verdict],
-            label=f"edge: {verdict} here",
+    places = np.unique(curve["along"])
+    middle = np.sqrt(places[1:] * places[:-1])
+    ends = np.r_[places[0] ** 2 / middle[0], middle, places[-1] ** 2 / middle[-1]]
+    points = points.sort_values(["along", "value"])
+    higher = points.groupby("along")[["value", "verdict"]].shift(-1)
+    same = points["verdict"].where(points["verdict"] == higher["verdict"], Verdict.UNDECIDED)
+    column = np.searchsorted(places, points["along"])
+    bars = points.assign(
+        verdict=same, high=higher["value"], left=ends[column], width=np.diff(ends)[column]
+    )
+    for between, rows in bars.dropna(subset="high").groupby("verdict"):
+        ax.bar(
+            rows["left"],
+            rows["high"] - rows["value"],
+            rows["width"],
+            rows["value"],
+            align="edge",
+            color=COLOURS[str(between)],
+            alpha=0.45,
+            lw=0,
+            label="not decided between" if between == Verdict.UNDECIDED else str(between),
         )
+    edges = curve.dropna(subset=["accurate", "wrong"])
+    for name, verdict, marker in zip(("accurate", "wrong"), DECIDED, "^v", strict=True):
+        label = f"edge: {verdict} here"
+        ax.plot(edges["along"], edges[name], marker, ms=5, color=COLOURS[verdict], label=label)
     ax.set(
         xscale="log" if ends[-1] > 4.0 * ends[0] else "linear",
         yscale="log",
@@ -122,18 +114,16 @@ def tornado(table: pd.DataFrame, quantities: list[str]) -> Figure:
     most = table.groupby("quantity")["effect"].count().max()
     figure, axes = new_figure(4.6 * columns, rows * (0.9 + 0.2 * most), rows, columns)
     for ax, quantity in zip(axes, quantities, strict=False):
-        own = table[(table["quantity"] == quantity) & table["effect"].notna()]
-        own = own.loc[own["effect"].abs().sort_values().index]
-        value = 100.0 * own["effect"].to_numpy()
-        y = np.arange(len(own))
-        colours = np.where(
-            ~own["linear"].astype(bool), BENT_COLOUR, np.where(value < 0.0, LESS, MORE)
-        )
-        errors = 100.0 * np.abs(own[["low", "high"]].to_numpy().T - own["effect"].to_numpy())
-        ax.barh(
-            y, value, color=list(colours), xerr=errors, error_kw={"elinewidth": 1.0, "capsize": 2.0}
-        )
-        ax.set_yticks(y, own["parameter"])
+        rows_shown = table[table["quantity"] == quantity].dropna(subset="effect")
+        bars = rows_shown.sort_values("effect", key=abs)
+        effect = 100.0 * bars[["effect", "low", "high"]].to_numpy().T
+        colours = np.where(effect[0] < 0.0, LESS, MORE)
+        colours[~bars["linear"].to_numpy(bool)] = BENT_COLOUR
+        y = np.arange(len(bars))
+        errors = np.abs(effect[1:] - effect[0])
+        style = {"elinewidth": 1.0, "capsize": 2.0}
+        ax.barh(y, effect[0], color=list(colours), xerr=errors, error_kw=style)
+        ax.set_yticks(y, bars["parameter"])
         ax.axvline(0.0, color="0.3", lw=0.8)
         ax.set_title(quantity_words(quantity).removeprefix("the ").replace("`", ""), loc="left")
         ax.set_xlabel(f"change (%) for {PERCENT} more of the parameter")

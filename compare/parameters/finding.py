@@ -1,12 +1,13 @@
 """What boundaries, maps, crossings and sensitivities find has in common, and its words."""
 
+from dataclasses import fields
 from typing import Any, ClassVar
 
 import pandas as pd
 
 from rattle.compare.report.texts import read_texts
 from rattle.compare.validation.verdict import Verdict
-from rattle.scene import as_html
+from rattle.scene import Scene, as_html
 from rattle.scene.numpy_errors import numpy_defaults
 
 PARAMETER_TEXTS = read_texts("parameters")
@@ -24,6 +25,11 @@ def value_text(value: Any, unit: Any) -> str:
     return f"{float(f'{value:.3g}'):,g} {unit}".rstrip()
 
 
+def after_number(unit: str) -> str:
+    """A unit as it stands after a number, if there is one."""
+    return f" {unit}" if unit else ""
+
+
 def with_unit(name: str, unit: str) -> str:
     """A name with its unit, if it has one."""
     return f"{name} ({unit})" if unit else name
@@ -34,13 +40,17 @@ def list_values(values: Any) -> str:
     return ", ".join(f"{value:.4g}" for value in values)
 
 
-def list_undecided(points: pd.DataFrame, over: str, unit: str) -> list[str]:
-    """Where a search has not decided, and why, a sentence for each reason."""
-    undecided = points[points["verdict"] == Verdict.UNDECIDED]
-    return [
-        f"Undecided at {over} = {list_values(rows['value'])}{unit}: {str(why).rstrip('.')}."
-        for why, rows in undecided.groupby("remark", sort=False)
-    ]
+def by_error(rows: pd.DataFrame) -> pd.DataFrame:
+    """Rows with a verdict, the largest error over its tolerance first."""
+    excess = rows["error"].abs() / rows["tolerance"]
+    return rows.loc[excess.sort_values(ascending=False, kind="stable").index]
+
+
+def same_speed(slow: float, scene: Scene, changed: Scene) -> float:
+    """A dimensionless speed of a scene in a changed one: of gears it stays the same in mm/s."""
+    if scene.gears is None or changed.gears is None:
+        return slow
+    return slow * (scene.gears.units.speed / changed.gears.units.speed)
 
 
 @numpy_defaults
@@ -49,7 +59,6 @@ class Finding:
 
     title: ClassVar[str]  # with attributes between braces
     shown: ClassVar[str]  # the table below the answer in a notebook
-    plain: ClassVar[tuple[str, ...]]  # attributes in `to_dict`
 
     @property
     def answer(self) -> list[str]:
@@ -58,19 +67,84 @@ class Finding:
 
     def __repr__(self) -> str:
         """What was found, on a few lines."""
-        return "\n".join(
-            [self.title.format_map(vars(self)), *(f"  {line}" for line in self.answer)]
-        )
+        return "\n  ".join([self.title.format_map(vars(self)), *self.answer])
 
     def _repr_html_(self) -> str:
         return as_html(repr(self), getattr(self, self.shown).to_html(max_rows=40))
 
     def to_dict(self) -> dict[str, Any]:
         """Everything as plain data: tables by their rows, edges by the names of their fields."""
-        data = {name: getattr(self, name) for name in self.plain}
-        for name, value in data.items():
+        data: dict[str, Any] = {"answer": self.answer}
+        for field in fields(self):  # type: ignore[arg-type]  # of a dataclass
+            value = getattr(self, field.name)
             if isinstance(value, pd.DataFrame):
-                data[name] = (value.reset_index() if value.index.name else value).to_dict("records")
+                value = (value.reset_index() if value.index.name else value).to_dict("records")
             elif isinstance(value, tuple):
-                data[name] = [one._asdict() if hasattr(one, "_asdict") else one for one in value]
+                value = [one._asdict() if hasattr(one, "_asdict") else one for one in value]
+            data[field.name] = value
+        del data["scene"]
         return data
+
+
+@numpy_defaults
+class AlongParameter(Finding):
+    """What a search along a parameter has found: the base of `Boundary` and `Crossing`."""
+
+    shown = "points"
+    first: ClassVar[str]  # the verdict while what is judged is small
+    # a parameter with which what is judged is known to grow
+    grows_with: ClassVar[str] = ""
+
+    over: str
+    unit: str
+    edges: tuple[Any, ...]
+    points: pd.DataFrame
+
+    @property
+    def answer(self) -> list[str]:
+        """Where the verdict changes in words, and what is not known."""
+        texts = PARAMETER_TEXTS["answers"][type(self).__name__]
+        values = self.points["value"]
+        facts = vars(self) | {"number": len(values), "least": values.min(), "most": values.max()}
+        facts |= {name: after_number(facts[name]) for name in facts if name.endswith("unit")}
+        decided = self.points[self.points["verdict"] != Verdict.UNDECIDED]
+        verdicts = decided["verdict"].unique()
+        said = [texts["edge"].format_map(facts | describe_edge(edge)) for edge in self.edges]
+        if len(self.edges) > 1:
+            said.append(texts["several"])
+        if len(verdicts) == 1 and len(decided) == len(values):
+            said.append(texts[verdicts[0]].format_map(facts))
+            said.append(texts["outside"].format(where=self._describe_outside(verdicts[0])))
+        elif not self.edges:
+            facts["known"] = ""
+            if len(decided):
+                at = f"{list_values(decided['value'])}{facts['unit']}"
+                facts["known"] = f"; it is {verdicts[0]} at {at}"
+            said.append(texts["none"].format_map(facts))
+        undecided = self.points[self.points["verdict"] == Verdict.UNDECIDED]
+        for why, rows in undecided.groupby("remark", sort=False):
+            at = f"{self.over} = {list_values(rows['value'])}{facts['unit']}"
+            said.append(f"Undecided at {at}: {str(why).rstrip('.')}.")
+        return [*said, texts["count"].format_map(facts)]
+
+    def _describe_outside(self, verdict: str) -> str:
+        """On which side of the range to look for a change, where all of it has one verdict."""
+        first = self.points.iloc[0]
+        last = self.points.iloc[-1]
+        below = f"below {first['value']:.4g}"
+        above = f"above {last['value']:.4g}"
+        falls = first["low"] > last["high"]
+        grows = last["low"] > first["high"] or (self.over == self.grows_with and not falls)
+        where = above if grows == (verdict == self.first) else below
+        if not grows and not falls:
+            where = f"{below} or {above}"
+        return where + after_number(self.unit)
+
+
+def describe_edge(edge: Any) -> dict[str, Any]:
+    """What a sentence says of a pair of values between which the verdict changes."""
+    names = edge._fields[:2]
+    facts: dict[str, Any] = edge._asdict() | {"way": "up to", "first": names[0], "then": names[1]}
+    if edge[0] > edge[1]:
+        facts |= {"way": "down to", "first": names[1], "then": names[0]}
+    return facts | {"low": min(edge[:2]), "high": max(edge[:2])}

@@ -22,7 +22,13 @@ from rattle.compare.parameters.boundary import (
     find_range,
     state_effort,
 )
-from rattle.compare.parameters.finding import PARAMETER_TEXTS, Finding, list_values, with_unit
+from rattle.compare.parameters.finding import (
+    PARAMETER_TEXTS,
+    Finding,
+    after_number,
+    list_values,
+    with_unit,
+)
 from rattle.compare.parameters.search import Edge
 from rattle.compare.study.parameters import find_parameter
 from rattle.compare.validation.verdict import DECIDED
@@ -45,6 +51,7 @@ class Found(NamedTuple):
     edges: tuple[Edge, ...]
     points: pd.DataFrame
     facts: dict[str, Any]  # ``path_steps, seconds``
+    failure: str = ""  # why there is none
 
 
 @dataclass(frozen=True)
@@ -122,7 +129,6 @@ class BoundaryMap(Finding):
 
     title = "Boundary of {closure} over {over} and {along}"
     shown = "curve"
-    plain = ("closure", "over", "along", "units", "answer", "path_steps", "curve", "points")
 
     scene: Scene
     closure: str
@@ -136,53 +142,42 @@ class BoundaryMap(Finding):
     @property
     def answer(self) -> list[str]:
         """The curve in words, and what is not known."""
-        closure = f"`{self.closure}`"
-        over = self.over
-        along = self.along
-        first, second = (f" {unit}" if unit else "" for unit in self.units)
-        edges = self.curve[self.curve["accurate"].notna() & self.curve["wrong"].notna()]
+        texts = PARAMETER_TEXTS["edges"]
+        edges = self.curve.dropna(subset=["accurate", "wrong"])
         said = []
         stated = edges.index
         if len(edges):
-            up = edges["accurate"] < edges["wrong"]
-            ends = edges.sort_values("accurate").iloc[[0, -1]]
-            low, high = (f"{value:.4g}{first}" for value in ends["accurate"])
-            least, most = (f"{value:.4g}{second}" for value in ends["along"])
-            values = {"low": low, "high": high, "least": least, "most": most}
-            values |= {
-                "closure": closure,
-                "over": over,
-                "along": along,
-                "way": "up to" if up.all() else "down to",
-            }
-            one_way = "one_way" if up.all() or not up.any() else "both_ways"
-            headline = PARAMETER_TEXTS["edges"]["same" if low == high else one_way].format(**values)
             nowhere = self.curve[self.curve["why"] == NOWHERE]
-            if len(nowhere):  # the least edge is not the least range of validity
-                at = f"{along} = {list_values(nowhere['along'])}{second}"
-                headline = (
-                    f"{headline.removesuffix('.')}, of the values of {along} with an edge; at {at}"
-                    f" {NOWHERE}."
-                )
-            said.append(headline)
             stated = stated.union(nowhere.index)
+            headline = self._describe_edges(edges)
+            if len(nowhere):  # the least edge is not the least range of validity
+                where = self._places(nowhere["along"])
+                headline += texts["nowhere"].format(along=self.along, where=where)
+            said.append(f"{headline}.")
         several = edges["along"][edges["along"].duplicated()].unique()
         if len(several):
-            said.append(
-                f"Its range of validity is not one interval at {along} ="
-                f" {list_values(several)}{second}."
-            )
+            said.append(texts["several"].format(where=self._places(several)))
         for why, rows in self.curve.drop(stated).groupby("why", sort=False):
-            said.append(f"At {along} = {list_values(rows['along'])}{second}: {why}.")
-        judged = (
-            f"{len(self.points)} values of {over} were judged at {self.curve['along'].nunique()}"
-            f" values of {along}"
-        )
-        with_steps = f"with {self.path_steps:.3g} path-steps"
-        return [
-            *said,
-            f"{judged}, {with_steps}; all that is said holds together with 95 % probability.",
-        ]
+            said.append(texts["rest"].format(where=self._places(rows["along"]), why=why))
+        facts = {"number": len(self.points), "places": self.curve["along"].nunique()}
+        return [*said, texts["count"].format_map(vars(self) | facts)]
+
+    def _places(self, values: Any) -> str:
+        """Values of the second parameter."""
+        return f"{self.along} = {list_values(values)}{after_number(self.units[1])}"
+
+    def _describe_edges(self, edges: pd.DataFrame) -> str:
+        """Between which values the edges lie, and whether in one direction."""
+        over_unit, along_unit = map(after_number, self.units)
+        up = edges["accurate"] < edges["wrong"]
+        ends = edges.sort_values("accurate").iloc[[0, -1]]
+        low, high = (f"{value:.4g}{over_unit}" for value in ends["accurate"])
+        least, most = (f"{value:.4g}{along_unit}" for value in ends["along"])
+        facts = {"low": low, "high": high, "least": least, "most": most}
+        facts["way"] = "up to" if up.all() else "down to"
+        kind = "one_way" if up.nunique() == 1 else "both_ways"
+        text = PARAMETER_TEXTS["edges"]["same" if low == high else kind]
+        return str(text.format_map(vars(self) | facts))
 
     def plot(self) -> "Figure":
         """Draw where the closure is accurate, where it is wrong, and what lies between.
@@ -194,8 +189,7 @@ class BoundaryMap(Finding):
         """
         from rattle.compare.parameters.figures import map_figure
 
-        across = with_unit(self.along, self.units[1])
-        up = with_unit(self.over, self.units[0])
+        up, across = map(with_unit, (self.over, self.along), self.units)
         return map_figure(self.curve, self.points, across, up)
 
 
@@ -274,55 +268,52 @@ def boundary_map(
     method = find_closure("closure", closure)
     first = find_parameter(scene, over)
     second = find_parameter(scene, along, "along")
+    between = settings.get("between")
     low, high = find_range(second, reach, "reach", 2.0)
-    at = [
-        float(f"{value:.6g}") for value in np.geomspace(low, high, count("values", values, least=2))
-    ]
+    grid = np.geomspace(low, high, count("values", values, least=2))
+    at = [float(f"{value:.6g}") for value in grid]
     scenes = [second.scene_at(value) for value in at]
     for changed in scenes:
         here = find_parameter(changed, over)
-        method.check(here.scene_at(find_range(here, settings.get("between"))[0]))
+        method.check(here.scene_at(find_range(here, between)[0]))
     settings["rng"] = read_whole_seed(settings.get("rng", 0))
     asked = settings | {"closure": method, "over": over, "searches": values}
     if progress:
-        low, _ = find_range(first, settings.get("between"))
-        points = settings.get("points", SCAN_POINTS)
-        impacts = settings.get("impacts", BOUNDARY_IMPACTS)
-        state_effort("boundary", first, first.scene_at(low), values * points, impacts)
-    found: dict[int, Found | str] = {}
+        lowest = first.scene_at(find_range(first, between)[0])
+        points = values * settings.get("points", SCAN_POINTS)
+        state_effort("boundary", first, lowest, points, settings.get("impacts", BOUNDARY_IMPACTS))
+    searches: dict[int, Found] = {}
     wave: dict[int, tuple[int, ...]] = {0: (), values - 1: ()}
     store = open_cells(Path(folder) if folder else None)
     while wave:
-        cells = {
-            i: Search(
-                scenes[i],
-                f"{along} = {at[i]:.4g}",
-                asked | {"near": expect([found[j] for j in beside])},
-            )
-            for i, beside in wave.items()
-        }
+        cells = {}
+        for i, beside in wave.items():
+            near = expect([searches[j] for j in beside])
+            cells[i] = Search(scenes[i], f"{along} = {at[i]:.4g}", asked | {"near": near})
         runner = Cluster(scheduler) if scheduler else Runner(workers)
-        outcome = run(list(cells.values()), store, runner, show=progress)
-        if len(outcome.failed) == len(cells) and not found:
-            raise RattleError(next(iter(outcome.failed.values())))
-        found |= {i: outcome.failed.get(cell.key) or store.read(cell) for i, cell in cells.items()}
-        wave = {(i + j) // 2: (i, j) for i, j in pairwise(sorted(found)) if j - i > 1}
-    done = {at[i]: one for i, one in sorted(found.items())}
-    curve = pd.DataFrame([row for value, one in done.items() for row in curve_rows(value, one)])
-    points = pd.concat(
-        [one.points.assign(along=value) for value, one in done.items() if isinstance(one, Found)],
-        ignore_index=True,
-    )
-    steps = sum(one.facts["path_steps"] for one in done.values() if isinstance(one, Found))
-    return BoundaryMap(
-        scene, method.name, over, along, curve, points, steps, (first.unit, second.unit)
-    )
+        failed = run(list(cells.values()), store, runner, show=progress).failed
+        if len(failed) == len(cells) and not searches:
+            raise RattleError(next(iter(failed.values())))
+        for i, cell in cells.items():
+            why = failed.get(cell.key)
+            searches[i] = Found((), pd.DataFrame(), {}, why) if why else store.read(cell)
+        wave = {(i + j) // 2: (i, j) for i, j in pairwise(sorted(searches)) if j - i > 1}
+    rows = []
+    judged = []
+    for i, search in sorted(searches.items()):
+        rows += curve_rows(at[i], search)
+        judged += [search.points.assign(along=at[i])] if len(search.points) else []
+    steps = sum(search.facts.get("path_steps", 0) for search in searches.values())
+    curve = pd.DataFrame(rows)
+    units = (first.unit, second.unit)
+    points_judged = pd.concat(judged, ignore_index=True)
+    return BoundaryMap(scene, method.name, over, along, curve, points_judged, steps, units)
 
 
-def expect(beside: Sequence[Found | str]) -> list[float]:
+def expect(beside: Sequence[Found]) -> list[float]:
     """Where edges are expected between two values of the second parameter, from those found at
     both."""
-    edges = [one.edges for one in beside if isinstance(one, Found)]
+    edges = [search.edges for search in beside]
     if len(edges) == 2 and len(edges[0]) == len(edges[1]):
         return [
             math.sqrt(u * v)
@@ -332,16 +323,16 @@ def expect(beside: Sequence[Found | str]) -> list[float]:
     return [value for one in edges for edge in one for value in edge[:2]]
 
 
-def curve_rows(value: float, found: Found | str) -> list[dict[str, Any]]:
+def curve_rows(value: float, search: Found) -> list[dict[str, Any]]:
     """The rows of one value of the second parameter."""
-    if isinstance(found, str):
-        return [{"along": value, "accurate": math.nan, "wrong": math.nan, "why": found}]
-    if found.edges:
-        return [{"along": value, **edge._asdict()} for edge in found.edges]
-    good, bad = (
-        found.points.loc[found.points["verdict"] == verdict, "value"] for verdict in DECIDED
-    )
+    if search.edges:
+        return [{"along": value, **edge._asdict()} for edge in search.edges]
+    row = {"along": value, "accurate": math.nan, "wrong": math.nan, "why": search.failure}
+    if search.failure:
+        return [row]
+    points = search.points
+    good, bad = (points.loc[points["verdict"] == verdict, "value"] for verdict in DECIDED)
     why = "accurate throughout" if len(good) else NOWHERE
-    if len(good) + len(bad) < len(found.points):
-        why = "undecided: " + next(text for text in found.points["remark"] if text)
-    return [{"along": value, "accurate": good.max(), "wrong": bad.min(), "why": why}]
+    if len(good) + len(bad) < len(points):
+        why = "undecided: " + next(text for text in points["remark"] if text)
+    return [row | {"accurate": good.max(), "wrong": bad.min(), "why": why}]

@@ -5,7 +5,8 @@ import math
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from itertools import repeat
+from functools import partial
+from itertools import chain, repeat
 from typing import Any
 
 import numpy as np
@@ -13,8 +14,8 @@ import pandas as pd
 
 from rattle.closure.closure import Closure
 from rattle.closure.mean_map import find_closure, predict
-from rattle.compare.parameters.finding import PARAMETER_TEXTS, Finding
-from rattle.compare.parameters.sensitivity import factors_of, find_slopes
+from rattle.compare.parameters.finding import PARAMETER_TEXTS, Finding, by_error
+from rattle.compare.parameters.sensitivity import change_scenes, find_slopes
 from rattle.compare.study.parameters import CHANGE, PERCENT, Parameter, choose_parameters
 from rattle.compare.validation.verdict import JUDGED, Tolerances, judge
 from rattle.montecarlo import Sampling, default_step, simulate
@@ -45,18 +46,9 @@ CHANGED_MOMENTS = ("mean", "sd")
 CHANGED_ORDER = 4  # of the closure's moments
 PAIRED_SCHEME = "exact-flight"
 CHANGE_COLUMNS = [
-    "parameter",
-    "impact",
-    "quantity",
-    "moment",
-    "predicted",
-    "simulated",
-    "se",
-    "error",
-    "low",
-    "high",
+    *("parameter", "impact", "quantity", "moment", "predicted", "simulated", "se", "error"),
+    *("low", "high", "tolerance", "linear", "verdict", "paths_needed"),
 ]
-CHANGE_COLUMNS += ["tolerance", "linear", "verdict", "paths_needed"]
 
 
 @numpy_defaults
@@ -89,7 +81,6 @@ class ClosureSensitivity(Finding):
 
     title = "Sensitivity of {closure}"
     shown = "table"
-    plain = ("closure", "answer", "paths", "table")
 
     scene: Scene
     closure: str
@@ -104,24 +95,13 @@ class ClosureSensitivity(Finding):
             return [f"`{self.closure}` predicts none of these changes."]
         number = rows["verdict"].value_counts()
         counts = ", ".join(f"{number.get(verdict, 0)} {verdict}" for verdict in JUDGED)
-        bent = int((~self.table["linear"]).sum())
-        worst = rows.to_dict("records")[int((rows["error"].abs() / rows["tolerance"]).argmax())]
-        low, high = (
-            worst["simulated"] + sign * 0.5 * (worst["high"] - worst["low"]) for sign in (-1.0, 1.0)
-        )
-        said = PARAMETER_TEXTS["changes"]
-        return [
-            said["counts"].format(
-                change=PERCENT, number=len(rows), closure=self.closure, counts=counts
-            ),
-            said["worst"].format_map(worst | {"from": low, "to": high}),
-            f"{self.paths:,} paths of each scene.",
-            *(
-                [f"{bent} more are excluded: not linear over ± {SIMULATED_CHANGES[1]:.0%}."]
-                if bent
-                else []
-            ),
-        ]
+        worst = by_error(rows).iloc[0]
+        half = 0.5 * (worst["high"] - worst["low"])
+        facts = vars(self) | {"change": PERCENT, "number": len(rows), "counts": counts}
+        facts |= {**worst, "from": worst["simulated"] - half, "to": worst["simulated"] + half}
+        facts |= {"bent": int((~self.table["linear"]).sum()), "step": SIMULATED_CHANGES[1]}
+        texts = [PARAMETER_TEXTS["changes"][name] for name in ("counts", "worst", "paths", "bent")]
+        return [text.format_map(facts) for text in texts[: 4 if facts["bent"] else 3]]
 
 
 @numpy_defaults
@@ -191,27 +171,46 @@ def closure_sensitivity(
     True
     """
     check_scene(scene)
-    whole = read_whole_seed(rng)
+    seed = read_whole_seed(rng)
     if scene.sigma == 0.0:
         raise InputError(
             "sigma", 0.0, "without noise there are no standard deviations; give one above 0"
         )
     count("impacts", impacts)
-    left = begin_budget(budget)
-    each = -(-count("paths", paths, least=64 * CLOSURE_GROUPS) // CLOSURE_GROUPS)
+    time_left = begin_budget(budget)
+    group_paths = -(-count("paths", paths, least=64 * CLOSURE_GROUPS) // CLOSURE_GROUPS)
     method = find_closure("closure", closure)
     method.check(scene)
-    allowed = Tolerances(*tolerances) if tolerances else Tolerances()
+    allowed = Tolerances(*(tolerances or ()))
+    scenes: dict[str, list[Scene]] = {}
     chosen = choose_parameters(scene, parameters)
-    scenes = _change_scenes(chosen, leave_out=parameters is None)
-    every = [scene, *(changed for four in scenes.values() for changed in four)]
+    for name, parameter in chosen.items():
+        try:
+            scenes[name] = list(change_scenes(parameter, SIMULATED_CHANGES).values())
+        except InputError:  # a restitution of 1 cannot be changed so
+            if parameters is not None:
+                raise
+    all_scenes = [scene, *chain.from_iterable(scenes.values())]
     # the same, so that random numbers are shared
-    dt = min(default_step(one, PAIRED_SCHEME, False) for one in every)
-    paired = _PairedRuns(every, impacts, each, dt, whole, small_noise(scene))
-    values = paired.run(left, workers, progress)
+    dt = min(default_step(one, PAIRED_SCHEME, False) for one in all_scenes)
+    again = partial(simulate, paths=group_paths, impacts=impacts, dt=dt, scheme=PAIRED_SCHEME)
+    sampling = Sampling(control=small_noise(scene))  # where a control variate pays
+
+    def moments(one: Scene, group: int) -> Floats:
+        stream = np.random.SeedSequence([seed, group])
+        run = again(one.phase_reduced, rng=stream, sampling=sampling)
+        return _moments(run.section, one, impacts)
+
+    if progress:
+        moments(scene, 0)  # compiles
+        began = clock()
+        moments(scene, 0)
+        most = CLOSURE_GROUPS * len(all_scenes)
+        time = f"about {duration_text(most * (clock() - began), 2)} of processor time"
+        ESTIMATES.info("%s", f"{progress}: {most} runs of {group_paths:,} paths, {time}")
+    values = _run_groups(moments, all_scenes, time_left, workers, progress)
     groups = values.shape[1]
-    run = simulate(scene, paths=each, impacts=impacts, dt=dt, scheme=PAIRED_SCHEME, rng=whole)
-    mesh = run.section["mesh"].to_numpy()
+    mesh = again(scene, rng=seed).section["mesh"].to_numpy()
     unit = values[0, :, 1].mean(axis=0)
     unit[at_wall(np.array(SECTION)[:, None], mesh)] = math.nan
     rows = []
@@ -228,78 +227,33 @@ def closure_sensitivity(
             checks = slope.size * len(scenes)
             change = _change(predicted, changed[:, :, m, q, i], unit[q, i], checks, allowed[m])
             rows.append(place | change)
-    table = judge(pd.DataFrame(rows).assign(paths=float(groups * each)))
-    return ClosureSensitivity(scene, method.name, table[CHANGE_COLUMNS], groups * each)
+    table = judge(pd.DataFrame(rows).assign(paths=float(groups * group_paths)))
+    return ClosureSensitivity(scene, method.name, table[CHANGE_COLUMNS], groups * group_paths)
 
 
-def _change_scenes(chosen: dict[str, Parameter], leave_out: bool) -> dict[str, list[Scene]]:
-    """The scenes with each parameter changed down and up by both steps.
+def _run_groups(
+    moments: Callable[[Scene, int], Floats],
+    scenes: list[Scene],
+    time_left: Budget,
+    workers: int,
+    progress: str | None,
+) -> Floats:
+    """Means and sds of all scenes, from groups that are begun within a budget; random numbers are
+    shared within each.
 
-    `leave_out`: Whether a parameter that cannot be changed so, a restitution of 1, is left out.
+    Shapes: result (scenes, groups, moments, quantities, impacts).
     """
-    scenes: dict[str, list[Scene]] = {}
-    for name, parameter in chosen.items():
-        try:
-            scenes[name] = [
-                parameter.scene_at(factor * parameter.value)
-                for factor in factors_of(SIMULATED_CHANGES)
-            ]
-        except InputError:
-            if not leave_out:
-                raise
-    return scenes
-
-
-@dataclass(frozen=True)
-class _PairedRuns:
-    """Simulations of several scenes with the same random numbers, in independent groups."""
-
-    scenes: list[Scene]
-    impacts: int
-    paths: int  # of each scene in each group
-    dt: float
-    seed: int
-    control: bool  # whether a control variate pays
-
-    def moments(self, scene: Scene, group: int) -> Floats:
-        """Means and sds of a scene from the paths of a group."""
-        run = simulate(
-            scene.phase_reduced,
-            paths=self.paths,
-            impacts=self.impacts,
-            dt=self.dt,
-            scheme=PAIRED_SCHEME,
-            rng=np.random.SeedSequence([self.seed, group]),
-            sampling=Sampling(control=self.control),
-        )
-        return _moments(run.section, scene, self.impacts)
-
-    def run(self, left: Budget, workers: int, progress: str | None) -> Floats:
-        """Means and sds of all scenes, from groups that are begun within a budget; shape (scenes,
-        groups, moments, quantities, impacts)."""
-        most_runs = CLOSURE_GROUPS * len(self.scenes)
-        if progress:
-            self._state_effort(progress, most_runs)
-        groups: list[list[Floats]] = []
-        bar = ProgressBar(label=progress, total=most_runs, unit="run")
-        with ThreadPoolExecutor(workers) as pool, bar:
-            while len(groups) < FEWEST_GROUPS or (
-                len(groups) < CLOSURE_GROUPS and left.remaining > 0.0
-            ):
-                groups.append([])
-                for moments in pool.map(self.moments, self.scenes, repeat(len(groups))):
-                    groups[-1].append(moments)
-                    bar.update()
-        return np.array(groups).swapaxes(0, 1)
-
-    def _state_effort(self, progress: str, most_runs: int) -> None:
-        """State how long all runs may take, from one of them."""
-        self.moments(self.scenes[0], 0)  # compiles
-        began = clock()
-        self.moments(self.scenes[0], 0)
-        seconds = most_runs * (clock() - began)
-        work = f"{progress}: {most_runs} runs of {self.paths:,} paths"
-        ESTIMATES.info("%s", f"{work}, about {duration_text(seconds, 2)} of processor time")
+    groups: list[list[Floats]] = []
+    bar = ProgressBar(label=progress, total=CLOSURE_GROUPS * len(scenes), unit="run")
+    with ThreadPoolExecutor(workers) as pool, bar:
+        for group in range(1, CLOSURE_GROUPS + 1):
+            if group > FEWEST_GROUPS and time_left.remaining <= 0.0:
+                break
+            groups.append([])
+            for found in pool.map(moments, scenes, repeat(group)):
+                groups[-1].append(found)
+                bar.update()
+    return np.array(groups).swapaxes(0, 1)
 
 
 def _predict_slope(parameter: Parameter, method: Closure, impacts: int) -> Floats:

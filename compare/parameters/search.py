@@ -15,6 +15,7 @@ import numpy as np
 import pandas as pd
 
 from rattle.compare.judge.rows import Claimed, judge_errors, waits_for_branch
+from rattle.compare.parameters.finding import by_error
 from rattle.compare.validation.errors import list_errors
 from rattle.compare.validation.verdict import JUDGED, Tolerances, Verdict, is_accurate
 from rattle.montecarlo.diagnostics.reference import Simulated
@@ -74,12 +75,9 @@ def critical(impacts: int, stages: int, searches: int = 1) -> Widths:
 def state_effort(label: str, over: str, points: int, least: float, most: float) -> None:
     """State what a search is expected to take: core-seconds of a value that is judged at the first
     or the last look."""
-    said = f"{label}: {points} values of {over}, then more between those that differ"
-    said += (
-        f"; each takes about {duration_text(least, 2)} to {duration_text(most, 2)} of processor"
-        " time"
-    )
-    ESTIMATES.info("%s", said)
+    times = f"{duration_text(least, 2)} to {duration_text(most, 2)} of processor time"
+    values = f"{points} values of {over}, then more between those that differ"
+    ESTIMATES.info("%s", f"{label}: {values}; each takes about {times}")
 
 
 def judge_value(
@@ -100,9 +98,9 @@ def judge_value(
     looks = Looks(PATHS_OF_LOOKS, rough=ROUGH)
     for paths in looks:
         run = simulate(scene, paths, near_branches)
-        every = list_errors([predicted], run, tolerances)
-        narrow, rows = (judge_errors(every, width) for width in z)
-        narrow, rows = (table[table["verdict"].isin(JUDGED)] for table in (narrow, rows))
+        errors = list_errors([predicted], run, tolerances)
+        tables = [judge_errors(errors, width) for width in z]
+        narrow, rows = (table[table["verdict"].isin(JUDGED)] for table in tables)
         if rows.empty:
             return Judgement(value, Verdict.INACCURATE, paths, row="nothing is predicted")
         off = rows["verdict"] == Verdict.INACCURATE
@@ -137,13 +135,11 @@ def count_needed(rows: pd.DataFrame, paths: int) -> float:
 
 def _point(value: float, verdict: str, paths: int, rows: pd.DataFrame) -> Judgement:
     """A value with the worst of some rows."""
-    row = rows.to_dict("records")[int((rows["error"].abs() / rows["tolerance"]).argmax())]
-    sign = 1.0 if row["error"] >= 0.0 else -1.0
-    low, high = sorted(sign * row[name] / row["tolerance"] for name in ("low", "high"))
+    row = by_error(rows).iloc[0]
+    unit = math.copysign(row["tolerance"], row["error"])
+    low, high = sorted(float(row[name] / unit) for name in ("low", "high"))
     name = f"{row['moment']} of {row['quantity']} at impact {row['impact']}"
-    return Judgement(
-        value, verdict, paths, abs(row["error"]) / row["tolerance"], float(low), float(high), name
-    )
+    return Judgement(value, verdict, paths, float(row["error"] / unit), low, high, name)
 
 
 def find_changes(
@@ -155,14 +151,14 @@ def find_changes(
     *,
     first: str,
     near: Iterable[float] = (),
-    each: Callable[..., Iterable[Any]] = map,
+    map_scan: Callable[..., Iterable[Any]] = map,
 ) -> tuple[list[tuple[Any, Any]], pd.DataFrame]:
     """Scan a range, then halve the logarithm of every change of verdict until it is known to ± a
     relative width.
 
     Returns pairs of what was judged, that with the verdict `first` before the other, and all that
-    was judged.  Values `near` which a change is expected are tried before halving; `each` maps over
-    those of the scan.
+    was judged.  Values `near` which a change is expected are tried before halving;
+    `map_scan` maps over those of the scan.
     """
     known: dict[float, Any] = {}
     guesses = [float(f"{value:.6g}") for value in near]
@@ -177,49 +173,41 @@ def find_changes(
     def narrow(good: Any, bad: Any) -> tuple[Any, Any]:
         """Narrow the two values of a change; what stays undecided between them is approached from
         both sides."""
-        # values are rounded
-        while len(known) < MOST_VALUES and abs(math.log(bad.value / good.value)) > 1.001 * enough:
-            doubt = [value for value in known if _between(value, good.value, bad.value)]
-            # the wider of the two gaps beside what is undecided, or the whole
-            least, most = (min, max) if good.value < bad.value else (max, min)
-            gaps = (
-                [(good.value, least(doubt)), (most(doubt), bad.value)]
-                if doubt
-                else [(good.value, bad.value)]
-            )
-            one, other = max(gaps, key=lambda gap: abs(math.log(gap[1] / gap[0])))
-            span = math.log(other / one)
-            if doubt and abs(span) < 0.5 * enough:
+        while len(known) < MOST_VALUES:
+            low, high = sorted((good.value, bad.value))
+            if math.log(high / low) <= 1.001 * enough:  # values are rounded
                 break
-            middle = (
-                None
-                if doubt
-                else next((v for v in guesses if _between(v, good.value, bad.value)), None)
-            )
-            if middle is None:
+            doubt = sorted(value for value in known if low < value < high)
+            guess = next((value for value in guesses if low < value < high), None)
+            if doubt:
+                # the wider of the two gaps beside what is undecided
+                one, other = max(
+                    (low, doubt[0]), (doubt[-1], high), key=lambda gap: gap[1] / gap[0]
+                )
+                if math.log(other / one) < 0.5 * enough:
+                    break
+                middle = math.sqrt(one * other)
+            elif guess is not None:
+                middle = guess
+            else:
                 # where one more verdict suffices, at the value that is easiest to show wrong
-                suffices = not doubt and abs(span) < 2.0 * enough
-                middle = one * math.exp(math.copysign(enough, span) if suffices else 0.5 * span)
-            found = at(middle)
-            if found.verdict == good.verdict:
-                good = found
-            elif found.verdict == bad.verdict:
-                bad = found
+                span = math.log(bad.value / good.value)
+                suffices = abs(span) < 2.0 * enough
+                middle = good.value * math.exp(
+                    math.copysign(enough, span) if suffices else 0.5 * span
+                )
+            judged = at(middle)
+            if judged.verdict == good.verdict:
+                good = judged
+            elif judged.verdict == bad.verdict:
+                bad = judged
         return good, bad
 
-    decided = [
-        point
-        for point in each(at, np.geomspace(low, high, points))
-        if point.verdict != Verdict.UNDECIDED
-    ]
-    pairs = [
-        (a, b) if a.verdict == first else (b, a)
+    scan = list(map_scan(at, np.geomspace(low, high, points)))
+    decided = [point for point in scan if point.verdict != Verdict.UNDECIDED]
+    changes = [
+        narrow(a, b) if a.verdict == first else narrow(b, a)
         for a, b in pairwise(decided)
         if a.verdict != b.verdict
     ]
-    changes = [narrow(*pair) for pair in pairs]
     return changes, pd.DataFrame(sorted(known.values())).astype({"verdict": str})
-
-
-def _between(value: float, one: float, other: float) -> bool:
-    return min(one, other) < value < max(one, other)

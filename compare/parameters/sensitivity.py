@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 import pandas as pd
 
-from rattle.compare.parameters.finding import Finding, quantity_words, value_text
+from rattle.compare.parameters.finding import Finding, quantity_words, same_speed, value_text
 from rattle.compare.stationary.measure import stationary
 from rattle.compare.stationary.result import unit_of
 from rattle.compare.study.parameters import (
@@ -97,7 +97,6 @@ class Sensitivity(Finding):
 
     title = "Sensitivity"
     shown = "table"
-    plain = ("said", "answer", "groups", "reached", "values", "table")
 
     scene: Scene
     table: pd.DataFrame
@@ -114,18 +113,16 @@ class Sensitivity(Finding):
         for quantity, rows in self.table.dropna(subset="effect").groupby("quantity", sort=False):
             row = rows.iloc[int(rows["effect"].abs().argmax())]
             words = quantity_words(str(quantity))
-            now = self.values.loc[str(quantity)]
             if not (row["low"] > 0.0 or row["high"] < 0.0):
                 said.append(f"For {words} no effect is larger than its error.")
                 continue
             lever = _effect_words(known[row["parameter"]], row)
             the = "" if lever.startswith("`") else "the "  # a field, or a parameter of the gears
-            at = value_text(now["value"], now["unit"])
-            said.append(f"The strongest lever on {words} (now {at}) is {the}{lever}.")
-        return [
-            *(said or ["Nothing that was changed has an effect that can be stated."]),
-            self.said,
-        ]
+            now = value_text(*self.values.loc[str(quantity), ["value", "unit"]])
+            said.append(f"The strongest lever on {words} (now {now}) is {the}{lever}.")
+        if not said:
+            said.append("Nothing that was changed has an effect that can be stated.")
+        return [*said, self.said]
 
     def of(self, quantity: str) -> pd.DataFrame:
         """The effects on one quantity, the strongest first.
@@ -146,12 +143,8 @@ class Sensitivity(Finding):
             For a quantity that was not asked for.
         """
         choice("quantity", quantity, self.table["quantity"].unique())
-        own = (
-            self.table[self.table["quantity"] == quantity]
-            .set_index("parameter")
-            .drop(columns="quantity")
-        )
-        return own.loc[own["effect"].abs().sort_values(ascending=False, na_position="last").index]
+        rows = self.table[self.table["quantity"] == quantity].set_index("parameter")
+        return rows.drop(columns="quantity").sort_values("effect", key=abs, ascending=False)
 
     def plot(self) -> "Figure":
         """Draw the effects on every quantity as bars, the strongest first (a tornado diagram).
@@ -253,47 +246,45 @@ def sensitivity(
     """
     check_scene(scene)
     compile_ahead.expect("sensitivity", len(scene.drive))
-    whole = read_whole_seed(rng)
-    asked = list(
-        dict.fromkeys(default_quantities(scene.stages) if quantities is None else quantities)
-    )
+    seed = read_whole_seed(rng)
+    chosen_names = default_quantities(scene.stages) if quantities is None else quantities
+    asked = list(dict.fromkeys(chosen_names))
     for name in asked:
         choice("quantities", name, all_names(scene.stages))
     chosen = choose_parameters(scene, parameters)
     positive("accuracy", accuracy)
-    left = begin_budget(budget)
+    time_left = begin_budget(budget)
     remarks: dict[str, str] = {}
     jobs = [_Job("", 1.0, scene)]
     for name, parameter in chosen.items():
         try:
-            jobs += [_Job(name, f, parameter.scene_at(f * parameter.value)) for f in factors_of()]
+            scenes = change_scenes(parameter, RELATIVE_CHANGES)
+            jobs += [_Job(name, factor, changed) for factor, changed in scenes.items()]
         except InputError as error:
             remarks[name] = f"cannot be changed by {RELATIVE_CHANGES[1]:.0%}: {error}"
     if progress and is_random(scene):
         _state_estimate(progress, scene, GROUPS_OF_LOOKS[0] * len(jobs), slow)
-    runs: list[dict[tuple[str, float], Floats]] = []  # logarithms of the quantities, for each group
+    of_parameter = np.array([job.name for job in jobs])
+    runs: list[list[Floats]] = []  # logarithms of the quantities, for each group and job
     bar = ProgressBar(label=progress, unit="run")
     with ThreadPoolExecutor(workers) as pool, bar:
         for groups in GROUPS_OF_LOOKS:
             bar.total = groups * len(jobs)
             for group in range(len(runs), groups):
-                runs.append({})
-                call = partial(
-                    _run,
-                    scene=scene,
-                    asked=asked,
-                    slow=slow,
-                    rng=np.random.SeedSequence([whole, group]),
-                )
+                runs.append([])
+                stream = np.random.SeedSequence([seed, group])
+                call = partial(_run, scene=scene, asked=asked, slow=slow, rng=stream)
                 for job, (values, why) in zip(jobs, pool.map(call, jobs), strict=True):
-                    runs[group][job.name, job.factor] = values
+                    runs[group].append(values)
                     if why:
                         remarks.setdefault(job.name, why)
                     bar.update()
-            table = _effects(chosen, asked, runs, remarks)
+            logs = np.array(runs)
+            changed = {name: logs[:, of_parameter == name] for name in chosen}
+            table = _effects(chosen, asked, changed, remarks)
             half = 0.5 * (table["high"] - table["low"])
             reached = not bool((half > accuracy).any())
-            if reached or left.remaining < 0.0 or bool((table["se"].fillna(0.0) == 0.0).all()):
+            if reached or time_left.remaining < 0.0 or bool((table["se"].fillna(0.0) == 0.0).all()):
                 break
     said = (
         f"{len(runs)} groups of {len(jobs)} long runs,"
@@ -301,25 +292,24 @@ def sensitivity(
         f" widest interval ± {half.max():.2g} for {PERCENT} of a parameter"
         + ("" if reached else f", NOT the {accuracy:g} asked for")
     )
-    return Sensitivity(scene, table, _values(scene, asked, runs), len(runs), reached, f"{said}.")
+    values_now = _values(scene, asked, np.exp(logs[:, 0]))
+    return Sensitivity(scene, table, values_now, len(runs), reached, f"{said}.")
 
 
 def _state_estimate(label: str, scene: Scene, runs: int, slow: float) -> None:
     """State what so many long runs are expected to take, as those of the scene itself."""
     do(f"{label}: timing a few paths")
     seconds = runs * expect_run(scene, GROUP_PATHS, GROUP_PERIODS, slow=slow).core_seconds
-    said = (
-        f"{label}: {runs} long runs at the least, about {duration_text(seconds, 2)} of processor"
-        " time"
-    )
+    time = f"about {duration_text(seconds, 2)} of processor time"
     more = GROUPS_OF_LOOKS[-1] // GROUPS_OF_LOOKS[0]
-    said += f"; up to {more} times as many where the accuracy needs them"
-    ESTIMATES.info("%s", said)
+    longer = f"up to {more} times as many where the accuracy needs them"
+    ESTIMATES.info("%s", f"{label}: {runs} long runs at the least, {time}; {longer}")
 
 
-def factors_of(steps: tuple[float, float] = RELATIVE_CHANGES) -> list[float]:
-    """What a parameter is multiplied by: down and up by each step."""
-    return [1.0 + sign * step for step in steps for sign in (-1.0, 1.0)]
+def change_scenes(parameter: Parameter, steps: tuple[float, float]) -> dict[float, Scene]:
+    """The scenes with a parameter changed down and up by each step, by what it is multiplied by."""
+    factors = [1.0 + sign * step for step in steps for sign in (-1.0, 1.0)]
+    return {factor: parameter.scene_at(factor * parameter.value) for factor in factors}
 
 
 def _run(
@@ -327,62 +317,49 @@ def _run(
 ) -> tuple[Floats, str]:
     """Logarithms of the quantities in physical units, or why there are none; -inf where a quantity
     is 0."""
-    gears = job.scene.gears
-    base = scene.gears
-    same_speed = 1.0 if gears is None or base is None else base.units.speed / gears.units.speed
+    nothing = np.full(len(asked), np.nan)
+    there = same_speed(slow, scene, job.scene)
     try:
         found = stationary(
-            job.scene,
-            periods=GROUP_PERIODS,
-            paths=GROUP_PATHS,
-            slow=slow * same_speed,
-            closures=(),
-            rng=rng,
+            job.scene, periods=GROUP_PERIODS, paths=GROUP_PATHS, slow=there, closures=(), rng=rng
         )
     except InputError as error:  # no stationary motion is reached
         if not job.name:
             raise
-        return np.full(len(asked), np.nan), str(error)
+        return nothing, str(error)
     if found.kind == "rest":
         if not job.name:
             why = found.said.removeprefix("At rest: ")
             raise InputError("scene", "at rest", f"{why} Give a larger drive or less drag")
-        return np.full(len(asked), np.nan), f"comes to rest at {job.factor - 1.0:+.0%}"
-    units = "dimensionless" if gears is None else "physical"
-    factors = np.array([unit_of(name, gears, units)[1] for name in asked])
+        return nothing, f"comes to rest at {job.factor - 1.0:+.0%}"
+    factors = [unit_of(name, job.scene.gears, "physical")[1] for name in asked]
     with np.errstate(divide="ignore"):
         return np.log(factors * found.table["value"].reindex(asked).fillna(0.0).to_numpy()), ""
+
+
+EFFECTS = ["effect", "low", "high", "small_step", "large_step"]
 
 
 def _effects(
     chosen: dict[str, Parameter],
     asked: list[str],
-    runs: list[dict[tuple[str, float], Floats]],
+    logs: dict[str, Floats],
     remarks: dict[str, str],
 ) -> pd.DataFrame:
-    """The table of a `Sensitivity`, from the logarithms of all quantities in every group of
-    runs."""
-    logs = {  # (groups, down and up by step, quantities)
-        name: np.array([[run[name, f] for f in factors_of()] for run in runs])
-        for name in chosen
-        if name not in remarks
-    }
-    rows: list[dict[str, Any]] = []
+    """The table of a `Sensitivity`, from the logarithms of all quantities by parameter.
+
+    Shapes: `logs` (groups, down and up by step, quantities).
+    """
+    rows = []
     for i, quantity in enumerate(asked):
         for name, parameter in chosen.items():
-            row = {
-                "quantity": quantity,
-                "parameter": name,
-                "value": parameter.value,
-                "unit": parameter.unit,
-            }
-            if name in remarks:
-                effect: dict[str, Any] = {"remark": remarks[name]}
-            elif not np.isfinite(logs[name][:, :, i]).all():
-                effect = {"remark": "no such impacts"}
-            else:
-                effect = _effect(logs[name][:, :, i], len(chosen) * len(asked)) | {"remark": ""}
-            rows.append(row | effect)
+            values = logs[name][:, :, i]
+            remark = remarks.get(name, "")
+            if not remark and not np.isfinite(values).all():
+                remark = "no such impacts"
+            effect = {} if remark else _effect(values, len(chosen) * len(asked))
+            place = {"quantity": quantity, "parameter": name}
+            rows.append(place | parameter._asdict() | effect | {"remark": remark})
     numbers = ["effect", "se", "low", "high", "small_step", "large_step"]
     columns = ["quantity", "parameter", "value", "unit", *numbers, "linear", "gain", "remark"]
     return pd.DataFrame(rows, columns=columns).astype(dict.fromkeys([*numbers, "gain"], float))
@@ -396,9 +373,9 @@ def _effect(logs: Floats, checks: int) -> dict[str, Any]:
     half = _half_width(shown)
     alone = float((logs.var(axis=0, ddof=1).reshape(-1, 2).sum(axis=1) / span**2).sum())
     paired = float(slopes.var(axis=0, ddof=1).sum())
-    logarithms = {"effect": shown.mean(), "low": shown.mean() - half, "high": shown.mean() + half}
-    logarithms |= {"small_step": slopes[:, 0].mean(), "large_step": slopes[:, 1].mean()}
-    effects = {name: math.expm1(one * value) for name, value in logarithms.items()}
+    mean = shown.mean()
+    logarithms = [mean, mean - half, mean + half, *(of_step.mean() for of_step in slopes.T)]
+    effects = {name: math.expm1(one * v) for name, v in zip(EFFECTS, logarithms, strict=True)}
     return effects | {
         "se": one * _se(shown),
         "linear": linear,
@@ -437,14 +414,11 @@ def _half_width(values: Floats, checks: int = 1) -> Any:
     return half_width(len(values), tail_of(checks, 1.0 - CONFIDENCE)) * _se(values)
 
 
-def _values(
-    scene: Scene, asked: list[str], runs: Sequence[dict[tuple[str, float], Floats]]
-) -> pd.DataFrame:
+def _values(scene: Scene, asked: list[str], found: Floats) -> pd.DataFrame:
     """The quantities of the scene itself, over all groups."""
-    found = np.exp([run["", 1.0] for run in runs])
     mean = found.mean(axis=0)
     half = _half_width(found)
-    unit = [unit_of(name, scene.gears, "physical")[0] if scene.gears else "" for name in asked]
+    unit = [unit_of(name, scene.gears, "physical")[0] for name in asked]
     index = pd.Index(asked, name="quantity")
     return pd.DataFrame(
         {"value": mean, "low": mean - half, "high": mean + half, "unit": unit}, index=index

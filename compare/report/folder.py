@@ -45,6 +45,11 @@ def default_place(name: str, suffix: str = "") -> Path:
     return Path("reports") / f"{safe.strip('.- ') or 'scene'}{suffix}"
 
 
+def refusal(out: Path, why: str) -> OutputError:
+    """The error of an output that cannot be written."""
+    return OutputError(f"out = {str(out)!r}: {why}")
+
+
 def describe_refusal(out: Path, error: OSError) -> OutputError:
     """The error message for a failed write."""
     why = f"cannot be written ({error.strerror or error}); choose another place"
@@ -53,7 +58,7 @@ def describe_refusal(out: Path, error: OSError) -> OutputError:
             "the disk is full; nothing is half written, what was there is untouched: make room and"
             " try again"
         )
-    return OutputError(f"out = {str(out)!r}: {why}")
+    return refusal(out, why)
 
 
 @contextmanager
@@ -73,9 +78,7 @@ def check_place(out: Path) -> Path:
     exists."""
     parent = next((p for p in out.absolute().parents if p.exists()), Path("/"))
     if not parent.is_dir() or not os.access(parent, os.W_OK):
-        raise OutputError(
-            f"out = {str(out)!r}: {str(parent)!r} cannot be written; choose another place"
-        )
+        raise refusal(out, f"{str(parent)!r} cannot be written; choose another place")
     return parent
 
 
@@ -87,30 +90,24 @@ def check_free(out: Path, ours: frozenset[str], overwrite: bool) -> None:
     """
     with refusals(out):
         if out.is_symlink() or (out.exists() and not out.is_dir()):
-            raise OutputError(
-                f"out = {str(out)!r}: exists and is not a folder; choose another name"
-            )
+            raise refusal(out, "exists and is not a folder; choose another name")
         if (free := shutil.disk_usage(check_place(out)).free) < BYTES_FREE:
             room = f"{free / 1e6:.1f} MB are free there; make room for {BYTES_FREE / 1e6:.0f} MB"
-            raise OutputError(f"out = {str(out)!r}: {room}")
+            raise refusal(out, room)
         inside = list_files(out) if out.exists() else set()
         refuse_foreign(out, inside - ours - linked_files(out, ours))
         if inside and MANIFEST in ours and read_own_manifest(out) is None:
             refuse_foreign(out, inside)
     if inside and not overwrite:
-        raise OutputError(
-            f"out = {str(out)!r}: holds an earlier report; choose another folder, or overwrite it"
-            " (--overwrite)"
-        )
+        why = "holds an earlier report; choose another folder, or overwrite it (--overwrite)"
+        raise refusal(out, why)
 
 
 def refuse_foreign(out: Path, foreign: Collection[str]) -> None:
     """Refuse a folder in which there is anything that this project did not write."""
     if foreign:
         names = ", ".join(map(line, sorted(foreign)[:3]))
-        raise OutputError(
-            f"out = {str(out)!r}: holds other things ({names}); choose another folder"
-        )
+        raise refusal(out, f"holds other things ({names}); choose another folder")
 
 
 def read_own_manifest(folder: Path) -> dict[str, Any] | None:
@@ -158,13 +155,13 @@ def check_own(path: Path, mark: bytes, what: str) -> None:
     """
     with refusals(path):
         if path.is_symlink() or (path.exists() and not path.is_file()):
-            raise OutputError(f"out = {str(path)!r}: exists and is not a file; choose another name")
+            raise refusal(path, "exists and is not a file; choose another name")
         if not path.exists():
             return
         with path.open("rb") as file:
             head = file.read(1000)
     if head and not re.search(mark, head):
-        raise OutputError(f"out = {str(path)!r}: exists and is not {what}; choose another name")
+        raise refusal(path, f"exists and is not {what}; choose another name")
 
 
 @contextmanager
@@ -224,10 +221,8 @@ def _put(scratch: Path, out: Path, ours: frozenset[str], overwrite: bool) -> Non
             raise
         beside = next(p for n in count(2) if not (p := out.with_name(f"{out.name}-{n}")).exists())
         os.rename(scratch, beside)
-        raise OutputError(
-            f"out = {str(out)!r}: has been taken by another run meanwhile; this report is kept as"
-            f" {str(beside)!r}"
-        ) from None
+        why = f"has been taken by another run meanwhile; this report is kept as {str(beside)!r}"
+        raise refusal(out, why) from None
 
 
 def _replace(scratch: Path, out: Path) -> None:

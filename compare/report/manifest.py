@@ -188,47 +188,44 @@ class Repeat(NamedTuple):
         """The result in sentences for the user."""
         if self.outcome == BIT_FOR_BIT:
             return ["Repeated bit for bit."]
-        found = (
-            "Repeated but for rounding"
-            if self.outcome == ROUNDED
-            else "The numbers differ from the manifest's"
-        )
-        if self.largest is None:
+        found = "The numbers differ from the manifest's"
+        if self.outcome == ROUNDED:
+            found = "Repeated but for rounding"
+        largest = self.largest
+        if largest is None:
             return [f"{found}. Only digests could be compared: {self.why}.", self._versions]
-        if math.isinf(self.largest.sds):
-            return [f"{found}: {self.largest.where}.", self._versions]
-        errors = (
-            ""
-            if math.isnan(self.largest.errors)
-            else f", {self.largest.errors:.2g} standard errors"
-        )
-        size = f"the largest difference is {self.largest.sds:.2g} sd{errors} ({self.largest.where})"
+        if math.isinf(largest.sds):
+            return [f"{found}: {largest.where}.", self._versions]
+        size = f"{largest.sds:.2g} sd"
+        if not math.isnan(largest.errors):
+            size += f", {largest.errors:.2g} standard errors"
         bound = (
             f"Up to {SAMPLED_ROUNDING:g} standard errors, or {PREDICTED_ROUNDING:g} sd"
             " where nothing is sampled, counts as rounding."
         )
-        return [f"{found}: {size}. {bound}", self._versions]
+        return [
+            f"{found}: the largest difference is {size} ({largest.where}). {bound}",
+            self._versions,
+        ]
 
     @property
     def _versions(self) -> str:
-        unrecorded = [
-            f"{name} (here {here})" for name, (there, here) in self.changed.items() if there is None
-        ]
-        recorded = [
-            f"{n} {there}, here {here}"
-            for n, (there, here) in self.changed.items()
-            if there is not None
-        ]
-        sentences = (
-            [f"The manifest's versions that differ: {'; '.join(recorded)}."] if recorded else []
-        )
-        sentences += (
-            [f"The manifest does not record: {', '.join(unrecorded)}."] if unrecorded else []
-        )
-        return (
-            " ".join(map(line, sentences))
-            or "All versions and the processor are those of the manifest."
-        )
+        """The versions that are not those of the manifest."""
+        differ = []
+        missing = []
+        for name, (there, here) in self.changed.items():
+            if there is None:
+                missing.append(f"{name} (here {here})")
+            else:
+                differ.append(f"{name} {there}, here {here}")
+        sentences = []
+        if differ:
+            sentences.append(f"The manifest's versions that differ: {'; '.join(differ)}.")
+        if missing:
+            sentences.append(f"The manifest does not record: {', '.join(missing)}.")
+        if not sentences:
+            return "All versions and the processor are those of the manifest."
+        return line(" ".join(sentences))
 
     def to_dict(self) -> dict[str, Any]:
         """The result as plain data for JSON."""
@@ -248,57 +245,57 @@ def compare(recorded: Recorded, now: Mapping[str, Any], folder: Path) -> Repeat:
     """Compare a repeated report with the first."""
     there = recorded.versions
     here = versions()
-    changed = {
-        n: (there.get(n), here.get(n)) for n in {**here, **there} if there.get(n) != here.get(n)
-    }
-    differing = [name for name in REPEATED_TABLES if now[name] != recorded.digests[name]]
-    altered = [
-        name
-        for name, text in recorded.tables.items()
-        if recorded.digests[name] not in (None, digest(text))
-    ]
+    names = dict.fromkeys([*here, *there])
+    changed = {n: (there.get(n), here.get(n)) for n in names if there.get(n) != here.get(n)}
     found = []
-    for name in differing:
-        file = REPEATED_TABLES[name]
-        if now[name] is None or recorded.digests[name] is None:
-            found.append(Difference(math.inf, math.inf, math.nan, f"only one of them has {file}"))
-        elif name not in recorded.tables or name in altered:
-            return Repeat(
-                DIFFERENT, None, f"no {file} with the manifest's digest lies beside it", changed
-            )
+    altered = []
+    for name, file in REPEATED_TABLES.items():
+        text = recorded.tables.get(name)
+        before = recorded.digests[name]
+        if text is not None and before not in (None, digest(text)):
+            altered.append(file)
+        if now[name] == before:
+            continue
+        if now[name] is None or before is None:
+            found.append(incomparable(f"only one of them has {file}"))
+        elif text is None or file in altered:
+            why = f"no {file} with the manifest's digest lies beside it"
+            return Repeat(DIFFERENT, None, why, changed)
         else:
-            before = pd.read_csv(io.StringIO(recorded.tables[name]))
-            one = difference(before, pd.read_csv(folder / file), recorded.settings.paths)
-            found.append(one._replace(where=f"{file}, {one.where}"))
+            first = pd.read_csv(io.StringIO(text))
+            largest = difference(first, pd.read_csv(folder / file), recorded.settings.paths)
+            found.append(largest._replace(where=f"{file}, {largest.where}"))
     if altered:
-        files = " and ".join(REPEATED_TABLES[name] for name in altered)
-        found.append(
-            Difference(math.inf, math.inf, math.nan, f"{files} beside it was changed since")
-        )
+        found.append(incomparable(f"{' and '.join(altered)} beside it was changed since"))
     if not found:
         return Repeat(BIT_FOR_BIT, None, "", changed)
     largest = max(found, key=lambda one: one.excess)
     return Repeat(ROUNDED if largest.excess <= 1.0 else DIFFERENT, largest, "", changed)
 
 
+def incomparable(where: str) -> Difference:
+    """A difference that is not one of numbers."""
+    return Difference(math.inf, math.inf, math.nan, where)
+
+
 def difference(one: pd.DataFrame, other: pd.DataFrame, paths: int) -> Difference:
     """The largest difference between two tables of a report, relative to what rounding explains."""
     if list(one) != list(other) or len(one) != len(other):
-        return Difference(math.inf, math.inf, math.nan, "it has other rows or columns")
-    largest = Difference(0.0, 0.0, math.nan, "only digits or words differ")
-    for name in one.columns.difference(list(DERIVED), sort=False):
-        sds, errors = _differences(one, other, name, paths)
-        sampled = np.isfinite(errors) & (errors > 0.0)
-        allowed = PREDICTED_ROUNDING + SAMPLED_ROUNDING * np.divide(
-            sds, errors, out=np.zeros_like(sds), where=sampled
-        )
-        excess = sds / allowed
-        row = int(np.argmax(excess)) if len(excess) else 0
-        if len(excess) and excess[row] > largest.excess:
-            which = ", ".join(f"{n} {one[n].iloc[row]}" for n in NAMING if n in one and n != name)
-            where = f"column {name}, {which}: {one[name].iloc[row]} and {other[name].iloc[row]}"
-            largest = Difference(float(excess[row]), float(sds[row]), float(errors[row]), where)
-    return largest
+        return incomparable("it has other rows or columns")
+    names = [str(name) for name in one if name not in DERIVED]
+    differences = np.array([_differences(one, other, name, paths) for name in names])
+    sds, errors = differences.swapaxes(0, 1)  # (columns, rows) each
+    sampled = np.isfinite(errors) & (errors > 0.0)
+    unit = np.divide(sds, errors, out=np.zeros_like(sds), where=sampled)
+    excess = sds / (PREDICTED_ROUNDING + SAMPLED_ROUNDING * unit)
+    if not excess.max(initial=0.0) > 0.0:
+        return Difference(0.0, 0.0, math.nan, "only digits or words differ")
+    column, row = np.unravel_index(np.argmax(excess), excess.shape)
+    name = names[column]
+    which = ", ".join(f"{n} {one[n].iloc[row]}" for n in NAMING if n in one and n != name)
+    where = f"column {name}, {which}: {one[name].iloc[row]} and {other[name].iloc[row]}"
+    sizes = [float(of[column, row]) for of in (excess, sds, errors)]
+    return Difference(sizes[0], sizes[1], sizes[2], where)
 
 
 def _differences(
@@ -308,17 +305,18 @@ def _differences(
     a = one[name]
     b = other[name]
     same = ((a == b) | (a.isna() & b.isna())).to_numpy(bool)
-    none = np.full(len(one), math.nan)
+    errors = np.full(len(one), math.nan)
     # text and counts must be equal
     if not (pd.api.types.is_float_dtype(a) and pd.api.types.is_float_dtype(b)):
-        return np.where(same, 0.0, math.inf), none
-    simulated, unit, se = (
-        one.get(of, pd.Series(0.0, index=one.index)) for of in ("simulated", "unit", "se")
-    )
-    sizes = [RELATIVE * a.abs(), RELATIVE * b.abs(), unit, RELATIVE * simulated.abs()]
-    error = se.to_numpy(float) if name != "agreement" else paths**-0.5
+        return np.where(same, 0.0, math.inf), errors
+    absent = pd.Series(0.0, index=one.index)
+    values = [a, b, one.get("simulated", absent)]
+    sizes = [RELATIVE * value.abs().to_numpy(float) for value in values]
+    sizes.append(one.get("unit", absent).to_numpy(float))
     gap = np.where(same, 0.0, (a - b).abs())
     with np.errstate(invalid="ignore", divide="ignore"):
-        sds = np.where(same, 0.0, gap / np.fmax.reduce([s.to_numpy(float) for s in sizes]))
-        errors = np.where(error > 0.0, gap / error, math.nan) if name in SAMPLED_COLUMNS else none
+        sds = np.where(same, 0.0, gap / np.fmax.reduce(sizes))
+        if name in SAMPLED_COLUMNS:
+            error = paths**-0.5 if name == "agreement" else one.get("se", absent).to_numpy(float)
+            errors = np.where(error > 0.0, gap / error, math.nan)
     return np.where(np.isnan(sds), math.inf, sds), errors

@@ -44,26 +44,3 @@ class Report:
     def scene(self) -> str:
         """The text of the scene file."""
         return Scene.from_dict(self.record["scene"]).to_toml()
-
-    @property
-    def facts(self) -> dict[str, str]:
-        """Where it comes from, by name."""
-        record = self.record
-        facts = {"command": f"`{record['command']}`"} if "repeat" in record else {}
-        facts["commit"] = record["commit"]
-        if "numerical_version" in record:
-            facts["numerical version"] = record["numerical_version"]
-        if (seed := record.get("settings", record).get("seed")) is not None:
-            facts["seed"] = str(seed)
-        times = {
-            "wall": record["wall_seconds"],
-            "CPU": record.get("cpu_seconds"),
-            "of cells": record.get("cell_seconds"),
-        }
-        facts["time"] = ", ".join(
-            f"{seconds} s {kind}" for kind, seconds in times.items() if seconds
-        )
-        facts["versions"] = ", ".join(
-            f"{name} {version}" for name, version in record["versions"].items()
-        )
-        return {**facts, **self.more}

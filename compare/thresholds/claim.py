@@ -1,9 +1,10 @@
 """A test's claim about the accuracy of a closure, and the settings of a session, validated before
 any simulation."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import product
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -61,31 +62,31 @@ class Settings(NamedTuple):
 
 def read_settings(chosen: Mapping[str, str]) -> Settings:
     """Read settings from the text of the options."""
-    given = {name.removeprefix("rattle_"): text for name, text in chosen.items() if text != ""}
-    rate = _parse("rattle-false-alarm", given.pop("false_alarm", "0.01"), float)
+    text = {key.removeprefix("rattle_"): given for key, given in chosen.items()}
+    rate = _parse("rattle-false-alarm", text["false_alarm"], float)
     if not 0.0 < finite("rattle-false-alarm", rate) < 1.0:
         raise InputError("rattle-false-alarm", rate, "must lie between 0 and 1, both excluded")
     return Settings(
         rate,
-        choice("rattle-undecided", given.get("undecided", "fail"), UNDECIDED_CHOICES),
-        choice("rattle-profile", given.get("profile", "quick"), PROFILES),
-        (
-            count("rattle-budget", _parse("rattle-budget", given["budget"]))
-            if "budget" in given
-            else None
-        ),
-        Path(given["cache"]) if "cache" in given else None,
-        count("rattle-seed", _parse("rattle-seed", given.get("seed", "0")), least=0),
-        count("rattle-workers", _parse("rattle-workers", given.get("workers", "1"))),
-        choice("rattle-baselines", given.get("baselines", "compare"), BASELINES),
+        choice("rattle-undecided", text["undecided"], UNDECIDED_CHOICES),
+        choice("rattle-profile", text["profile"], PROFILES),
+        _parse_count("rattle-budget", text["budget"]) if text["budget"] else None,
+        Path(text["cache"]) if text["cache"] else None,
+        _parse_count("rattle-seed", text["seed"], least=0),
+        _parse_count("rattle-workers", text["workers"]),
+        choice("rattle-baselines", text["baselines"], BASELINES),
     )
 
 
-def _parse(field: str, text: str, kind: type = int) -> Any:
+def _parse(field: str, text: str, kind: type) -> Any:
     try:
         return kind(text)
     except ValueError:
         raise InputError(field, text, f"give a{' whole' if kind is int else ''} number") from None
+
+
+def _parse_count(field: str, text: str, least: int = 1) -> int:
+    return count(field, _parse(field, text, int), least)
 
 
 CLAIMED_MOMENTS = ("mean", "sd")
@@ -147,9 +148,7 @@ class Claim:
     @cached_property
     def rows(self) -> tuple[ClaimRow, ...]:
         """All checks of the claim."""
-        return tuple(
-            ClaimRow(m, q, k) for m in self.allowed for q in self.quantities for k in self.impacts
-        )
+        return tuple(map(ClaimRow._make, product(self.allowed, self.quantities, self.impacts)))
 
     @property
     def columns(self) -> tuple[str, ...]:
@@ -159,24 +158,14 @@ class Claim:
 
 def read_markers(markers: Iterable[Any], folder: Path) -> Claim:
     """Read a claim from the markers of a test, its class and its module, see `read_claim`."""
-    marks = list(markers)
-    for mark in marks:
+    merged: dict[str, Any] = {}
+    for mark in reversed(list(markers)):  # those of class and module follow that of the test
         if mark.args:
-            raise InputError(
-                "marker rattle", mark.args, "name every option, as in scene='dat21.toml'"
-            )
-    return read_claim(merge([mark.kwargs for mark in marks]), folder)
-
-
-def merge(markers: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    """Merge the options of a test's markers with those of its class and module, which follow."""
-    found: dict[str, Any] = {}
-    for options in reversed(markers):
-        replaced = {name for rivals in RIVALS if rivals & options.keys() for name in rivals}
-        found = {name: value for name, value in found.items() if name not in replaced} | dict(
-            options
-        )
-    return found
+            why = "name every option, as in scene='dat21.toml'"
+            raise InputError("marker rattle", mark.args, why)
+        replaced = {name for rivals in RIVALS if rivals & mark.kwargs.keys() for name in rivals}
+        merged = {name: merged[name] for name in merged.keys() - replaced} | mark.kwargs
+    return read_claim(merged, folder)
 
 
 def read_claim(options: Mapping[str, Any], folder: Path) -> Claim:
@@ -184,23 +173,19 @@ def read_claim(options: Mapping[str, Any], folder: Path) -> Claim:
     file is relative."""
     check_keys("option of the marker rattle", options, CLAIM_OPTIONS)
     scene = _scene(options.get("scene"), folder)
-    state = STATE[: 2 * scene.stages]
-    valid = [q for q in SECTION if q not in STATE or q in state]
-    quantities = _names(
-        "quantities", options.get("quantities", [q for q in VARYING if q in valid]), valid
-    )
+    absent = STATE[2 * scene.stages :]
+    valid = [quantity for quantity in SECTION if quantity not in absent]
+    varying = [quantity for quantity in VARYING if quantity not in absent]
+    quantities = _names("quantities", options.get("quantities", varying), valid)
     moments = _names("moments", options.get("moments", CLAIMED_MOMENTS), CLAIMED_MOMENTS)
     impacts = _impacts(options.get("impacts", 4))
     paths, budget, accuracy = (options.get(name) for name in ("paths", "budget", "accuracy"))
-    for name, value, limits in (
-        ("paths", paths, {"least": FEWEST_CLAIM_PATHS}),
-        ("budget", budget, {"most": MOST_PATHS}),
-    ):
+    for name, value, least in (("paths", paths, FEWEST_CLAIM_PATHS), ("budget", budget, 1)):
         if value is not None and accuracy is not None:
             why = f"chooses the number of paths itself; leave out {name} = {show(value)}"
             raise InputError("accuracy", accuracy, why)
         if value is not None:
-            count(name, value, **limits)
+            count(name, value, least, MOST_PATHS)
     if (undecided := options.get("undecided")) is not None:
         choice("undecided", undecided, UNDECIDED_CHOICES)
     scheme = options.get("scheme", "exact-flight")
@@ -219,11 +204,8 @@ def _scene(given: object, folder: Path) -> Scene:
         raise InputError("scene", given, "give a Scene, or the name of a TOML file beside the test")
     path = folder / given
     if not path.is_file():
-        raise FileError(
-            "scene",
-            str(given),
-            f"there is no file {path}; give the name of a file, relative to the test",
-        )
+        why = f"there is no file {path}; give the name of a file, relative to the test"
+        raise FileError("scene", str(given), why)
     try:
         return Scene.load(path)
     except InputError as error:
@@ -240,38 +222,33 @@ def _names(field: str, given: object, valid: Iterable[str]) -> tuple[str, ...]:
 def _impacts(given: object) -> tuple[int, ...]:
     if not isinstance(given, Iterable) or isinstance(given, str):
         return tuple(range(1, count("impacts", given) + 1))
-    found = tuple(sorted({count("impacts", impact) for impact in given}))
-    if not found:
+    impacts = {count("impacts", impact) for impact in given}
+    if not impacts:
         raise InputError("impacts", given, "give their number, or a list such as range(1, 5)")
-    return found
+    return tuple(sorted(impacts))
 
 
 def _read_tolerances(options: Mapping[str, Any], moments: tuple[str, ...]) -> dict[str, Allowed]:
     """The admissible error of each moment; by default the standard tolerances of accurate
     verdicts."""
-    found: dict[str, Allowed] = {}
+    allowed: dict[str, Allowed] = {}
     given = {
         name: options[name] for name in ("within", "absolute") if options.get(name) is not None
     }
-    for name, value in (
-        given or {"within": {m: getattr(Tolerances(), m) for m in moments}}
-    ).items():
-        each = dict(value) if isinstance(value, Mapping) else dict.fromkeys(moments, value)
-        for moment, error in each.items():
+    if not given:
+        standard = Tolerances()._asdict()
+        given["within"] = {moment: standard[moment] for moment in moments}
+    for name, value in given.items():
+        errors = value if isinstance(value, Mapping) else dict.fromkeys(moments, value)
+        for moment, error in errors.items():
             if choice(f"moment of {name}", moment, CLAIMED_MOMENTS) not in moments:
-                raise InputError(
-                    name,
-                    value,
-                    f"{moment!r} is not among moments = {moments!r}; add it, or leave it out",
-                )
-            if moment in found:
-                raise InputError(
-                    name,
-                    value,
-                    f"within has a tolerance for the {moment} already; leave one of them out",
-                )
-            found[moment] = Allowed(positive(f"{name} of the {moment}", error), name == "within")
-    if missing := [m for m in moments if m not in found]:
+                why = f"{moment!r} is not among moments = {moments!r}; add it, or leave it out"
+                raise InputError(name, value, why)
+            if moment in allowed:
+                why = f"within has a tolerance for the {moment} already; leave one of them out"
+                raise InputError(name, value, why)
+            allowed[moment] = Allowed(positive(f"{name} of the {moment}", error), name == "within")
+    if missing := [moment for moment in moments if moment not in allowed]:
         why = f"give {missing[0]!r} a tolerance too, or leave it out of moments"
         raise InputError("within", options.get("within"), why)
-    return {m: found[m] for m in moments}
+    return {moment: allowed[moment] for moment in moments}

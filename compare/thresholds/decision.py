@@ -10,7 +10,7 @@ import math
 import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import nullcontext
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -23,7 +23,7 @@ from rattle.closure import Closure, follow, mean_map
 from rattle.closure.closure import name_of
 from rattle.closure.mean_map import find_closure
 from rattle.closure.stationary import Law
-from rattle.compare.engine.store import Cell, Content, Store
+from rattle.compare.engine.store import Cell, Content, Store, open_store
 from rattle.compare.judge.rows import NamedSection, judge_errors
 from rattle.compare.stationary.result import plain_unit
 from rattle.compare.stationary.study import LongCell
@@ -66,21 +66,16 @@ def predict(model: Model, claim: Claim) -> NamedSection:
                 f" kind={CLAIM_KINDS[0]!r}"
             )
             raise InputError("kind", claim.kind, why)
-    name = found.closure
-    why = f" ({found.stopped})" if found.stopped else ""
     values = found.section.loc[list(claim.impacts), list(claim.columns)]
-    bad = np.argwhere(~np.isfinite(values.to_numpy()))
-    if bad.size:
-        impact = values.index[bad[0][0]]
-        column = values.columns[bad[0][1]]
-        remedy = "leave it out of the marker's quantities, moments or impacts, or correct the model"
-        value = float(values.loc[impact, column])
-        raise InputError(
-            f"{column} of {name} at impact {impact}",
-            value,
-            f"is not a finite number{why}; {remedy}",
-        )
-    return NamedSection(name, values)
+    for (i, j), value in np.ndenumerate(values.to_numpy(float)):
+        if not np.isfinite(value):
+            why = f" ({found.stopped})" if found.stopped else ""
+            remedy = (
+                "leave it out of the marker's quantities, moments or impacts, or correct the model"
+            )
+            where = f"{values.columns[j]} of {found.closure} at impact {values.index[i]}"
+            raise InputError(where, value, f"is not a finite number{why}; {remedy}")
+    return NamedSection(found.closure, values)
 
 
 class TimedRun(NamedTuple):
@@ -97,7 +92,6 @@ class Thresholds:
 
     settings: Settings
     config: pytest.Config
-    _runs: dict[str, Any] = field(default_factory=dict)
 
     @cached_property
     def folder(self) -> Path | None:
@@ -109,9 +103,10 @@ class Thresholds:
         return None if cache is None else Path(cache.mkdir("rattle"))
 
     @cached_property
-    def store(self) -> Store | None:
-        """Store of the simulations, created when the first one is needed; None if none is kept."""
-        return None if self.folder is None else Store(self.folder)
+    def store(self) -> Store:
+        """Store of the simulations, created when the first one is needed; in memory without a
+        folder."""
+        return open_store(self.folder)
 
     def simulate(self, cell: Cell) -> TimedRun:
         """Simulate, or read what an earlier test or session has simulated."""
@@ -122,13 +117,9 @@ class Thresholds:
             computed.append(cell.key)
             return cell.compute(in_threads(self.settings.workers))
 
-        if cell.key not in self._runs:
-            if self.store is None:
-                self._runs[cell.key] = cell.restore(compute(cell))
-            else:
-                self._runs[cell.key] = self.store.obtain(cell, compute, _past_capture(self.config))
+        run = self.store.obtain(cell, compute, _past_capture(self.config))
         seconds = time.perf_counter() - started if computed else 0.0
-        return TimedRun(self._runs[cell.key], bool(computed), seconds)
+        return TimedRun(run, bool(computed), seconds)
 
 
 def _past_capture(config: pytest.Config) -> Callable[[str], None]:
@@ -164,39 +155,24 @@ def errors_of(prediction: NamedSection, run: Simulated, claim: Claim) -> pd.Data
         same = np.ones(claim.impacts[-1])
         table = errors.follower_errors(prediction, run, NO_TOLERANCE, same, same)
         if (few := table["remark"] == TOO_FEW_FOLLOW).any():
-            why = (
-                f"{TOO_FEW_FOLLOW}; claim fewer impacts than {table['impact'][few].iloc[0]}, or"
-                f" kind={CLAIM_KINDS[0]!r}"
-            )
+            fewer = f"claim fewer impacts than {table['impact'][few].iloc[0]}"
+            why = f"{TOO_FEW_FOLLOW}; {fewer}, or kind={CLAIM_KINDS[0]!r}"
             raise InputError("kind", claim.kind, why)
     else:
         table = errors.list_errors([prediction], run, NO_TOLERANCE)
-    places = pd.MultiIndex.from_frame(table[["moment", "quantity", "impact"]])
-    rows = table.iloc[places.get_indexer(pd.MultiIndex.from_tuples(claim.rows))].reset_index(
-        drop=True
-    )
+    rows = pd.DataFrame(claim.rows).merge(table, how="left")[list(table)]
     rows = rows[rows["judged"]].reset_index(drop=True)
     if rows.empty:
-        raise InputError(
-            "quantities",
-            claim.quantities,
-            f"none of these rows has a verdict; add tau or y1. {RULE}",
-        )
-    error = rows["moment"].map({m: a.error for m, a in claim.allowed.items()}).astype(float)
-    in_sd = rows["moment"].map({m: a.in_sd for m, a in claim.allowed.items()}).astype(bool)
+        why = f"none of these rows has a verdict; add tau or y1. {RULE}"
+        raise InputError("quantities", claim.quantities, why)
+    allowed = pd.DataFrame([claim.allowed[moment] for moment in rows["moment"]])
+    error = allowed["error"].astype(float)
+    in_sd = allowed["in_sd"]
     rows["noise"] += np.where(in_sd, error * rows["se_unit"], 0.0)
     rows["tolerance"] = np.where(in_sd, np.maximum(error * rows["unit"], rows["still"]), error)
     rows["unit"] = rows["unit"].where(rows["still"] == 0.0, 1.0)
     rows["still"] = rows["still"].where(in_sd, 0.0)
     return rows
-
-
-def count_needed(table: pd.DataFrame) -> float:
-    """Paths that should decide every row that more paths can decide; NaN where there is none, or
-    the test fails as it is."""
-    if (table["verdict"] == Verdict.INACCURATE).any():
-        return math.nan
-    return float(table.loc[table["verdict"] == Verdict.UNDECIDED, "paths_needed"].max())
 
 
 def merge_looks(before: pd.DataFrame, now: pd.DataFrame) -> pd.DataFrame:
@@ -217,7 +193,10 @@ def look_until_decided(
         now, run = look(size)
         runs.append(run)
         table = now if table is None else merge_looks(table, now)
-        looks.expect(count_needed(table))
+        needed = table.loc[table["verdict"] == Verdict.UNDECIDED, "paths_needed"].max()
+        # once a row is inaccurate the test fails as it is
+        failed = (table["verdict"] == Verdict.INACCURATE).any()
+        looks.expect(math.nan if failed else float(needed))
     assert table is not None
     return table, tuple(runs)
 
@@ -281,46 +260,39 @@ class LongPrediction(NamedTuple):
 def predict_long(model: Any, scene: Scene, quantities: str | Sequence[str]) -> LongPrediction:
     """What a closure, or a function ``(scene, quantities) -> mapping`` of names to values, says of
     the long run."""
-    quantities = (quantities,) if isinstance(quantities, str) else quantities
-    if not quantities:
-        raise InputError(
-            "quantities", quantities, "give a list, as in quantities=['rate', 'energy']"
-        )
-    for name in quantities:
+    names = [quantities] if isinstance(quantities, str) else list(dict.fromkeys(quantities))
+    if not names:
+        why = "give a list, as in quantities=['rate', 'energy']"
+        raise InputError("quantities", quantities, why)
+    for name in names:
         if name in SECTION:
-            why = (
-                "is a moment at each impact: name it in the marker, as in"
-                " @pytest.mark.rattle(quantities="
-            )
-            raise InputError(
-                "quantities",
-                name,
-                f"{why}{name!r}); check takes those of the long run, such as 'rate'",
-            )
+            marker = f"@pytest.mark.rattle(quantities={name!r})"
+            why = f"is a moment at each impact: name it in the marker, as in {marker}"
+            long_run = "check takes those of the long run, such as 'rate'"
+            raise InputError("quantities", name, f"{why}; {long_run}")
         choice("quantities", name, all_names(scene.stages))
     if isinstance(model, str):
+        label = model
         law = laws(scene, (choice("closure", model, CLOSURES_JUDGED),))[model]
         if not isinstance(law, Law):
             raise InputError("closure", model, f"says nothing of the long run: {law}")
         found: Mapping[str, Any] = values_of(law, scene, 0.1)
     elif callable(model):
-        found = call_users(model, scene, tuple(quantities))
+        label = name_of(model)
+        found = call_users(model, scene, tuple(names))
     else:
-        raise InputError(
-            "model", model, "give a closure's name, or a function (scene, quantities) -> mapping"
-        )
-    label = model if isinstance(model, str) else name_of(model)
+        why = "give a closure's name, or a function (scene, quantities) -> mapping"
+        raise InputError("model", model, why)
     values = {}
-    for name in dict.fromkeys(quantities):
+    for name in names:
         try:
             values[name] = float(found[name])
         except (LookupError, TypeError, ValueError):
             why = "is missing or no number; return it, or leave it out"
             raise InputError(f"result of {label}", name, why) from None
         if not np.isfinite(values[name]):
-            raise InputError(
-                f"result of {label}", name, "is not predicted; leave it out of quantities"
-            )
+            why = "is not predicted; leave it out of quantities"
+            raise InputError(f"result of {label}", name, why)
     return LongPrediction(label, values)
 
 
@@ -330,32 +302,25 @@ def decide_long(prediction: LongPrediction, claim: Claim, session: Thresholds) -
 
     ``paths_needed`` are paths of the longest run.
     """
-    names = list(prediction.values)
     settings = session.settings
     longest = FIRST_PERIODS[-1]
-    sizes = {periods * LONG_RUN_PATHS: (periods, LONG_RUN_PATHS) for periods in FIRST_PERIODS}
-    sizes |= {
-        longest * paths: (longest, paths) for paths in settings.sizes(LONG_RUN_PATHS, claim.budget)
-    }
-    z = widest(len(names) * len(sizes), settings.false_alarm)
+    paths_of_looks = settings.sizes(LONG_RUN_PATHS, claim.budget)
+    looks = [(periods, LONG_RUN_PATHS) for periods in FIRST_PERIODS]
+    looks += [(longest, paths) for paths in paths_of_looks]
+    sizes = {periods * paths: (periods, paths) for periods, paths in looks}
+    values = prediction.values
+    z = widest(len(values) * len(sizes), settings.false_alarm)
+    rows = pd.DataFrame(values.items(), columns=["quantity", "predicted"])
+    rows.insert(1, "unit", rows["quantity"].map(plain_unit))
+    rows["se_predicted"] = 0.0
 
     def look(size: int) -> tuple[pd.DataFrame, TimedRun]:
         periods, paths = sizes[size]
-        run = session.simulate(
-            LongCell(claim.scene.phase_reduced, settings.seed, (), periods=periods, paths=paths)
-        )
-        result = run.run
-        rows = pd.DataFrame(
-            {"quantity": names, "predicted": list(prediction.values.values()), "se_predicted": 0.0}
-        )
-        table = judge_rows(rows, result.table, z, size).rename(
-            columns={"periods_needed": "paths_needed"}
-        )
-        table.insert(1, "unit", table["quantity"].map(plain_unit))
-        return (
-            table.assign(periods=periods, paths=paths),
-            run,
-        )
+        scene = claim.scene.phase_reduced
+        run = session.simulate(LongCell(scene, settings.seed, (), periods=periods, paths=paths))
+        table = judge_rows(rows, run.run.table, z, size)
+        table = table.rename(columns={"periods_needed": "paths_needed"})
+        return table.assign(periods=periods, paths=paths), run
 
     table, runs = look_until_decided(tuple(sizes), look)
     return Decision(table.assign(paths_needed=np.ceil(table["paths_needed"] / longest)), runs, z)

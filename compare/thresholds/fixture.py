@@ -3,7 +3,7 @@ beside the test."""
 
 import hashlib
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any, NoReturn, TypeVar
@@ -30,9 +30,6 @@ from rattle.scene import FileError, RattleError, harmless, line
 from rattle.scene.files import parse_toml, read_text
 from rattle.scene.numpy_errors import numpy_defaults
 
-Changes = dict[str, tuple[Any, Any]]
-"""Recorded and present value, by dotted key in the file; None for a missing one."""
-
 
 def baseline_path(module: Path, test: str) -> Path:
     """Give the path of a test's baseline."""
@@ -50,68 +47,57 @@ def baseline_content(prediction: NamedSection, claim: Claim) -> dict[str, Any]:
 
 def read_baseline(path: Path) -> dict[str, Any]:
     """Read a recorded baseline."""
+    remedy = "restore it, or remove and record it"
     try:
-        found = parse_toml(read_text("baseline", path))
+        recorded = parse_toml(read_text("baseline", path))
     except FileError:
         raise
     except ValueError as error:
-        raise FileError(
-            "baseline", str(path), f"is damaged ({error}); restore it, or remove and record it"
-        ) from None
-    if not isinstance(found.get("values"), dict):
-        raise FileError(
-            "baseline", str(path), "has no table [values]; restore it, or remove and record it"
-        )
-    return found
+        raise FileError("baseline", str(path), f"is damaged ({error}); {remedy}") from None
+    if not isinstance(recorded.get("values"), dict):
+        raise FileError("baseline", str(path), f"has no table [values]; {remedy}")
+    return recorded
 
 
-def write_baseline(path: Path, found: Mapping[str, Any], model: str) -> None:
+def write_baseline(path: Path, content: Mapping[str, Any], model: str) -> None:
     """Write a baseline atomically."""
     what = f"Section moments of {line(model)} by quantity and impact, and their scene"
     head = f"# {what}; written by pytest\n# --rattle-baselines=record (or =regenerate).\n\n"
-    write_whole(path, head + tomli_w.dumps(found))
+    write_whole(path, head + tomli_w.dumps(content))
 
 
-def _flat(table: Mapping[str, Any], before: str = "") -> dict[str, Any]:
-    found: dict[str, Any] = {}
+def _flat(table: Mapping[str, Any], before: str = "") -> Iterator[tuple[str, Any]]:
+    """The entries of a table and of those in it, with dotted keys."""
     for key, value in table.items():
-        found |= (
-            _flat(value, f"{before}{key}.") if isinstance(value, Mapping) else {before + key: value}
-        )
-    return found
+        if isinstance(value, Mapping):
+            yield from _flat(value, f"{before}{key}.")
+        else:
+            yield before + key, value
 
 
-def find_changes(
+def describe_changes(
     recorded: Mapping[str, Any], now: Mapping[str, Any], relative: float, absolute: float
-) -> Changes:
-    """Find what differs: values by more than ``absolute + relative * |recorded|``, everything else
-    at all."""
-    old = _flat(recorded)
-    new = _flat(now)
-
-    def same(key: str) -> bool:
+) -> list[str]:
+    """A line for each entry that differs: values by more than ``absolute + relative *
+    |recorded|``, everything else at all."""
+    old = dict(_flat(recorded))
+    new = dict(_flat(now))
+    lines = []
+    for key in old | new:
         a = old.get(key)
         b = new.get(key)
+        same = a == b
         if key.startswith("values.") and isinstance(a, int | float) and isinstance(b, int | float):
-            return abs(b - a) <= absolute + relative * abs(a)
-        return bool(a == b)
-
-    return {
-        key: (old.get(key), new.get(key)) for key in dict.fromkeys([*old, *new]) if not same(key)
-    }
-
-
-def format_changes(changed: Changes) -> list[str]:
-    """Format changes as lines of text."""
-    return [
-        f"  {line(f'{key}: {_text(old)} -> {_text(new)}')}" for key, (old, new) in changed.items()
-    ]
+            same = abs(b - a) <= absolute + relative * abs(a)
+        if not same:
+            lines.append(f"  {line(f'{key}: {_text(a)} -> {_text(b)}')}")
+    return lines
 
 
 def _text(value: object) -> str:
-    return (
-        "nothing" if value is None else f"{value:.12g}" if isinstance(value, float) else str(value)
-    )
+    if isinstance(value, float):
+        return f"{value:.12g}"
+    return "nothing" if value is None else str(value)
 
 
 T = TypeVar("T")
@@ -146,67 +132,54 @@ class Rattle:
         if quantities is None:
             prediction = self._guard(predict, model, self.claim)
             decision = self._guard(decide, prediction, self.claim, self._session)
-            table = decision.table
+            name = prediction.closure
             run = decision.runs[-1].run
+            size = f"{run.paths:,} paths"
             shown = partial(messages.moment_rows, run=run, z=decision.z)
-            by_size = int((table["still"] > 0.0).sum())
-            facts = {
-                "kind": "check",
-                "not_judged": len(self.claim.rows) - len(table),
-                "by_size": by_size,
-            }
-            return self._judge(
-                prediction.closure, decision, shown, facts | {"size": f"{run.paths:,} paths"}
-            )
-        said = self._guard(predict_long, model, self.claim.scene, quantities)
-        decision = self._guard(decide_long, said, self.claim, self._session)
-        length = "{paths:,} paths of {periods:,} periods".format_map(decision.runs[-1].run.facts)
-        facts = {"kind": "long check", "not_judged": 0, "by_size": 0, "size": length}
-        return self._judge(
-            f"{said.name} in the long run",
-            decision,
-            partial(messages.long_rows, z=decision.z),
-            facts,
+        else:
+            said = self._guard(predict_long, model, self.claim.scene, quantities)
+            decision = self._guard(decide_long, said, self.claim, self._session)
+            name = f"{said.name} in the long run"
+            size = "{paths:,} paths of {periods:,} periods".format_map(decision.runs[-1].run.facts)
+            shown = partial(messages.long_rows, z=decision.z)
+        self._record_decision(name, decision, size)
+        self._judge(name, decision.table, shown)
+        return decision.table
+
+    def _record_decision(self, model: str, decision: Decision, size: str) -> None:
+        """Record what the summary of the session says of a decision."""
+        table = decision.table
+        of_moments = "still" in table
+        session = self._session
+        self._record(
+            kind=messages.kind_of(table),
+            model=model,
+            size=size,
+            rows=len(table),
+            not_judged=len(self.claim.rows) - len(table) if of_moments else 0,
+            by_size=int((table["still"] > 0.0).sum()) if of_moments else 0,
+            failed=int((table["verdict"] == Verdict.INACCURATE).sum()),
+            undecided=len(messages.undecided_rows(table)),
+            z=decision.z,
+            rate=session.settings.false_alarm,
+            widened=decision.z if of_moments else float(table["widened"].max()),
+            drawn=len(decision.runs),
+            computed=sum(run.computed for run in decision.runs),
+            seconds=sum(run.seconds for run in decision.runs),
+            decide=messages.paths_to_decide(table),
+            folder=self._shorten(session.folder) if session.folder else "",
         )
 
-    def _judge(
-        self,
-        model: str,
-        decision: Decision,
-        shown: Callable[[pd.DataFrame], str],
-        facts: dict[str, Any],
-    ) -> pd.DataFrame:
-        """Record the decision on a claim, and fail or skip the test that it does not pass."""
-        table = decision.table
-        runs = decision.runs
-        settings = self._session.settings
-        failed = int((table["verdict"] == Verdict.INACCURATE).sum())
-        undecided = messages.count_undecided(table)
-        folder = self._session.folder
-        self._record(
-            model=model,
-            rows=len(table),
-            failed=failed,
-            undecided=undecided,
-            z=decision.z,
-            rate=settings.false_alarm,
-            widened=float(table["widened"].max()) if "widened" in table else decision.z,
-            drawn=len(runs),
-            computed=sum(run.computed for run in runs),
-            seconds=sum(run.seconds for run in runs),
-            decide=messages.paths_to_decide(table),
-            folder="" if folder is None else self._shorten(folder),
-            **facts,
-        )
-        figure = partial(self._figure, model, table) if facts["kind"] == "check" else str
-        if failed:
-            self._fail(messages.failure_text(model, table, shown) + figure())
-        if undecided:
+    def _judge(self, model: str, table: pd.DataFrame, shown: Callable[[pd.DataFrame], str]) -> None:
+        """Fail or skip the test if its claim is not accurate."""
+        if (table["verdict"] == Verdict.INACCURATE).any():
+            self._fail(messages.failure_text(model, table, shown) + self._figure(model, table))
+        if len(messages.undecided_rows(table)):
             text = messages.describe_undecided(model, table, shown)
-            if (self.claim.undecided or settings.undecided) == "skip":
+            if (self.claim.undecided or self._session.settings.undecided) == "skip":
                 pytest.skip(harmless(f"rattle: {text}"))
-            self._fail(f"{text}\n{messages.remedies(table, self.claim)}{figure()}")
-        return table
+            remedies = messages.remedies(table, self.claim)
+            self._fail(f"{text}\n{remedies}{self._figure(model, table)}")
 
     def baseline(self, model: Model, *, relative: float = 1e-9, absolute: float = 1e-12) -> None:
         """Compare a model's predictions with those recorded in ``baselines/`` beside the test;
@@ -224,18 +197,17 @@ class Rattle:
             self._guard(write_baseline, path, now, prediction.closure)
             self._record(kind="baseline", done=f"recorded {name}")
             return
-        lines = format_changes(
-            find_changes(self._guard(read_baseline, path), now, relative, absolute)
-        )
+        recorded = self._guard(read_baseline, path)
+        lines = describe_changes(recorded, now, relative, absolute)
         if lines and mode != "regenerate":
             bound = f"{absolute:g} + {relative:g} of a value"
             said = f"{prediction.closure} differs from its baseline {name} by more than {bound}:"
             self._fail("\n".join([said, *lines, f"If that is meant: {again}=regenerate"]))
+        done = ""
         if lines:
             self._guard(write_baseline, path, now, prediction.closure)
-        self._record(
-            kind="baseline", done="\n".join([f"regenerated {name}", *lines]) if lines else ""
-        )
+            done = "\n".join([f"regenerated {name}", *lines])
+        self._record(kind="baseline", done=done)
 
     def _once(self, kind: str) -> None:
         """Refuse a second call: rows are counted once at collection, and a test has one baseline
@@ -258,9 +230,10 @@ class Rattle:
         self._item.user_properties.append(("rattle", facts))
 
     def _figure(self, model: str, table: pd.DataFrame) -> str:
+        """Draw a table of section moments; a line that says where the figure is."""
         from rattle.compare.report.style import render
 
-        if self._session.folder is None:
+        if self._session.folder is None or "moment" not in table:
             return ""
         name = re.sub(r"[^\w.-]+", "-", self._item.nodeid)
         path = self._session.folder / "figures" / f"{name}.svg"

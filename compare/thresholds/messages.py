@@ -2,7 +2,7 @@
 of a session."""
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -39,9 +39,9 @@ def describe_remedy(paths: float, kind: str) -> str:
     return f"{float(f'{paths:.2g}'):,.0f} paths would decide"
 
 
-def count_rows(number: int) -> str:
-    """A number of rows in words."""
-    return f"{number} row{'s' * (number != 1)}"
+def count_of(number: int, what: str) -> str:
+    """A number of things in words."""
+    return f"{number} {what}{'s' * (number != 1)}"
 
 
 def kind_of(table: pd.DataFrame) -> str:
@@ -49,69 +49,59 @@ def kind_of(table: pd.DataFrame) -> str:
     return "check" if "moment" in table else "long check"
 
 
-def summary_lines(records: Sequence[tuple[str, Mapping[str, Any]]]) -> Iterator[str]:
+def summary_lines(records: Iterable[dict[str, Any]], texts: Mapping[str, str]) -> Iterator[str]:
     """Lines of the summary, from the id of each test and what its fixture has recorded."""
+    table = pd.DataFrame(list(records))
     for kind, title, simulations in (
         ("check", "checks", "ensembles"),
         ("long check", "long run", "long runs"),
     ):
-        own = [(test, facts) for test, facts in records if facts["kind"] == kind]
-        if own:
-            yield from _check_lines(own, title, simulations)
-    compared = [(test, facts["done"]) for test, facts in records if facts["kind"] == "baseline"]
-    if compared:
-        written = [done for _, done in compared if done]
+        if (table["kind"] == kind).any():
+            yield from _check_lines(table[table["kind"] == kind], title, simulations, texts)
+    compared = table[table["kind"] == "baseline"]
+    if len(compared):
+        written = compared.loc[compared["done"] != "", "done"]
         yield f"baselines  {len(compared) - len(written)} as recorded, {len(written)} written"
         for done in written:
             yield from (f"           {line}" for line in done.splitlines())
 
 
 def _check_lines(
-    checks: Sequence[tuple[str, Mapping[str, Any]]], title: str, simulations: str
+    checks: pd.DataFrame, title: str, simulations: str, texts: Mapping[str, str]
 ) -> Iterator[str]:
     """The same of one kind of checks."""
-    facts = pd.DataFrame([f for _, f in checks])
-    rows, failed, undecided, drawn, computed = facts[
-        ["rows", "failed", "undecided", "drawn", "computed"]
-    ].sum()
-    rate = facts["rate"][0]
-    folder = facts["folder"][0]
-    widest = facts["widened"].max()
-    yield (
-        f"{title:10} {count_rows(rows)} in {len(checks)} test{'s' * (len(checks) > 1)}: "
-        f"{rows - failed - undecided} passed, {failed} failed, {undecided} undecided"
-    )
-    if excluded := int(facts["not_judged"].sum()):
-        yield (
-            f"excluded   {count_rows(excluded)} more (at the wall): displacements that are the"
-            " position of the wall"
-        )
-    if by_size := facts["by_size"].sum():
-        yield f"by size    {by_size} of the rows: {BY_SIZE}"
-    yield (
-        f"intervals  {span(facts['z'], '.2f')} standard errors, so that a test whose claim is true"
-        f" fails with a probability of at most {rate:g}"
-    )
-    if (facts["widened"] > WIDER * facts["z"]).any():
-        yield (
-            f"widened    up to {widest:.3g} standard errors where a standard error rests on few"
-            " paths"
-        )
-    kept = (
-        f"the cache {folder}"
-        if folder
-        else "memory; they are kept only with a cache (--rattle-cache)"
-    )
-    yield (
-        f"{simulations:10} {computed} simulated in {facts['seconds'].sum():.1f} s,"
-        f" {drawn - computed} from {kept}"
-    )
-    for test, f in checks:
-        if f["undecided"] and not f["failed"]:
-            yield (
-                f"undecided  {test} ({f['model']}) after {f['size']}:"
-                f" {describe_remedy(f['decide'], f['kind'])}"
-            )
+    first = checks.iloc[0]
+    counted = ["rows", "failed", "undecided", "drawn", "computed", "not_judged", "by_size"]
+    sums = checks[counted].sum().astype(int).to_dict()
+    facts = sums | {
+        "title": title,
+        "simulations": simulations,
+        "rows": count_of(sums["rows"], "row"),
+        "tests": count_of(len(checks), "test"),
+        "passed": sums["rows"] - sums["failed"] - sums["undecided"],
+        "excluded": count_of(sums["not_judged"], "row"),
+        "why_size": BY_SIZE,
+        "z": span(checks["z"], ".2f"),
+        "rate": first["rate"],
+        "widened": checks["widened"].max(),
+        "seconds": checks["seconds"].sum(),
+        "kept": sums["drawn"] - sums["computed"],
+        "place": "memory; they are kept only with a cache (--rattle-cache)",
+    }
+    if first["folder"]:
+        facts["place"] = f"the cache {first['folder']}"
+    shown = {
+        "rows": True,
+        "not_judged": sums["not_judged"],
+        "by_size": sums["by_size"],
+        "intervals": True,
+        "widened": (checks["widened"] > WIDER * checks["z"]).any(),
+        "simulated": True,
+    }
+    yield from (texts[name].format_map(facts) for name, is_shown in shown.items() if is_shown)
+    for check in checks[(checks["undecided"] > 0) & (checks["failed"] == 0)].to_dict("records"):
+        remedy = describe_remedy(check["decide"], check["kind"])
+        yield texts["undecided"].format_map(check | {"remedy": remedy})
 
 
 PATHS_MARGIN = 2.0
@@ -134,79 +124,73 @@ def _format_signed(value: float) -> str:
     return f"{value:+.4f}" if abs(value) >= 1e-3 or value == 0.0 else f"{value:+.0e}"
 
 
+def name_rows(rows: pd.DataFrame, form: str) -> list[str]:
+    """Names of rows of section moments, by a form with their columns."""
+    moments = rows["moment"].replace("mean", "E")
+    return [form.format_map(row) for row in rows.assign(moment=moments).to_dict("records")]
+
+
 def row_table(rows: pd.DataFrame) -> str:
     """Format rows as an aligned table, with errors and intervals in sds of the quantity."""
-    signed = {"error/sd": "error", "low": "low", "high": "high", "allowed": "tolerance"}
-    shown = (
-        rows[["predicted", "simulated"]].rename(columns={"predicted": "model"}).map("{:.7g}".format)
-    )
-    shown = shown.assign(
-        **{head: (rows[name] / rows["unit"]).map(_format_signed) for head, name in signed.items()}
-    )
-    shown["allowed"] = shown["allowed"].str[1:]
+    shown = rows[["predicted", "simulated"]].map("{:.7g}".format)
+    errors = rows[["error", "low", "high", "tolerance"]].div(rows["unit"], axis=0)
+    shown = shown.join(errors.map(_format_signed))
+    shown["tolerance"] = shown["tolerance"].str[1:]
     shown["on itinerary"] = rows["agreement"].map("{:.4f}".format)
-    names = [
-        f"{'E' if r.moment == 'mean' else 'sd'} {r.quantity} at {r.impact}"
-        for r in rows.itertuples()
-    ]
-    return shown.set_axis(names, axis=0).to_string(col_space=8)
+    heads = {"predicted": "model", "error": "error/sd", "tolerance": "allowed"}
+    names = name_rows(rows, "{moment} {quantity} at {impact}")
+    return shown.rename(columns=heads).set_axis(names, axis=0).to_string(col_space=8)
 
 
 def moment_rows(rows: pd.DataFrame, run: Sampled, z: float) -> str:
     """Rows of section moments with their remarks, as a message states them."""
-    remarks = "".join(f"{r}\n" for r in dict.fromkeys(rows["remark"]) if r)
-    return (
-        f"{remarks}{run.paths} paths; intervals of {z:.2f} standard errors; errors in sds of the"
-        f" quantity, at each path's own impact\n{row_table(rows)}"
+    remarks = [remark for remark in rows["remark"].unique() if remark]
+    head = (
+        f"{run.paths} paths; intervals of {z:.2f} standard errors; errors in sds of the quantity,"
+        " at each path's own impact"
     )
+    return "\n".join([*remarks, head, row_table(rows)])
 
 
 def long_rows(rows: pd.DataFrame, z: float) -> str:
     """Rows of the long run, dimensionless, as a message states them, and what has widened their
     intervals."""
     names = ["unit", "predicted", "simulated", "se", "low", "high", "tolerance", "paths", "periods"]
-    shown = (
-        rows.set_index("quantity")[names].rename_axis(None).rename(columns={"tolerance": "allowed"})
-    )
+    shown = rows.set_index("quantity")[names].rename_axis(None)
+    table = shown.rename(columns={"tolerance": "allowed"}).to_string(float_format="{:.5g}".format)
     wide = [
-        f"\n{r['quantity']}: its standard error rests on {r['effective_paths']:.1f} of {r['paths']}"
+        f"{r['quantity']}: its standard error rests on {r['effective_paths']:.1f} of {r['paths']}"
         f" paths, as with rare bursts; so its interval is {r['widened']:.3g} standard errors on"
         f" either side, not {z:.2f}"
         for r in rows[rows["widened"] > WIDER * z].to_dict("records")
     ]
-    return (
-        f"intervals of {z:.2f} standard"
-        f" errors\n{shown.to_string(float_format='{:.5g}'.format)}{''.join(wide)}"
-    )
+    return "\n".join([f"intervals of {z:.2f} standard errors", table, *wide])
 
 
 def failure_text(model: str, table: pd.DataFrame, shown: Callable[[pd.DataFrame], str]) -> str:
     """Say which rows failed; `shown` formats them."""
     failed = table[table["verdict"] == Verdict.INACCURATE]
-    undecided = count_undecided(table)
+    undecided = len(undecided_rows(table))
     beside = f", {undecided} undecided" if undecided else ""
-    return (
-        f"{model} exceeds the allowed error in {len(failed)} of {len(table)}"
-        f" rows{beside}\n{shown(failed)}"
-    )
+    where = f"in {len(failed)} of {len(table)} rows{beside}"
+    return f"{model} exceeds the allowed error {where}\n{shown(failed)}"
 
 
-def count_undecided(table: pd.DataFrame) -> int:
+def undecided_rows(table: pd.DataFrame) -> pd.DataFrame:
     """Rows that are neither accurate nor inaccurate."""
-    return int((~table["verdict"].isin(DECIDED)).sum())
+    return table[~table["verdict"].isin(DECIDED)]
 
 
 def paths_to_decide(table: pd.DataFrame) -> float:
     """Estimate the number of paths that would decide every undecided row."""
-    undecided = table.loc[~table["verdict"].isin(DECIDED), "paths_needed"]
-    return float(undecided.fillna(math.inf).max()) if len(undecided) else 0.0
+    return float(undecided_rows(table)["paths_needed"].fillna(math.inf).max())
 
 
 def describe_undecided(
     model: str, table: pd.DataFrame, shown: Callable[[pd.DataFrame], str]
 ) -> str:
     """Say which rows are undecided, and how many paths would decide them; `shown` formats them."""
-    rows = table[~table["verdict"].isin(DECIDED)]
+    rows = undecided_rows(table)
     decided = describe_remedy(paths_to_decide(table), kind_of(table))
     return f"{model} is undecided in {len(rows)} of {len(table)} rows; {decided}\n{shown(rows)}"
 
@@ -214,19 +198,16 @@ def describe_undecided(
 def remedies(table: pd.DataFrame, claim: Claim) -> str:
     """Describe what can be done about undecided rows."""
     needed = PATHS_MARGIN * paths_to_decide(table)
+    of_moments = "moment" in table
     options = []
-    if claim.accuracy is not None and "moment" in table:
+    if claim.accuracy is not None and of_moments:
         options.append(f"ask for a smaller accuracy than {claim.accuracy:g}")
     elif needed <= PATHS_OF_AN_HOUR[kind_of(table)]:
-        options.append(
-            f"give it more paths (budget={float(f'{needed:.2g}'):_.0f} in its marker, or"
-            " --rattle-budget)"
-        )
-    if "moment" in table:
-        given = " or ".join(
-            dict.fromkeys("within" if a.in_sd else "absolute" for a in claim.allowed.values())
-        )
-        options.append(f"allow a larger error ({given})")
+        budget = f"budget={float(f'{needed:.2g}'):_.0f} in its marker, or --rattle-budget"
+        options.append(f"give it more paths ({budget})")
+    if of_moments:
+        names = ["within" if allowed.in_sd else "absolute" for allowed in claim.allowed.values()]
+        options.append(f"allow a larger error ({' or '.join(dict.fromkeys(names))})")
     options.append(
         'accept that it is undecided (undecided="skip" in its marker, or --rattle-undecided=skip)'
     )
@@ -236,54 +217,62 @@ def remedies(table: pd.DataFrame, claim: Claim) -> str:
 def error_figure(table: pd.DataFrame, model: str) -> "Figure":
     """Draw the error of each row of a claim with its interval and the admissible range, in sds of
     each quantity."""
-    from matplotlib.lines import Line2D
-    from matplotlib.patches import Patch
-
-    from rattle.compare.report.style import ACCURATE_COLOUR, STYLE, SYMBOL, new_figure
+    from rattle.compare.report.style import (
+        ACCURATE_COLOUR,
+        STYLE,
+        SYMBOL,
+        legend_above,
+        new_figure,
+    )
 
     excess = (table["error"] / table["tolerance"]).abs()
     rows = table.loc[excess.nlargest(MOST_ROWS_DRAWN).index.sort_values()]
-    unit = rows["unit"].to_numpy()
-    error, low, high, allowed = (
-        rows[c].to_numpy() / unit for c in ("error", "low", "high", "tolerance")
-    )
-    place = np.arange(len(rows))[::-1]
-    figure, (ax,) = new_figure(6.4, 1.5 + 0.2 * len(rows), 1, 1)
-    ax.barh(
-        place, 2.0 * allowed, left=-allowed, height=0.9, color=ACCURATE_COLOUR, alpha=0.35, lw=0
-    )
+    scaled = ["error", "low", "high", "tolerance"]
     verdicts = rows["verdict"].where(rows["verdict"].isin(DECIDED), Verdict.UNDECIDED)
+    rows = rows.assign(**rows[scaled].div(rows["unit"], axis=0), verdict=verdicts)
+    rows["place"] = np.arange(len(rows))[::-1]
+    figure, (ax,) = new_figure(6.4, 1.5 + 0.2 * len(rows), 1, 1)
+    allowed = rows["tolerance"]
+    ax.barh(
+        rows["place"],
+        2.0 * allowed,
+        left=-allowed,
+        height=0.9,
+        color=ACCURATE_COLOUR,
+        alpha=0.35,
+        lw=0,
+        label="allowed",
+    )
     for verdict, (colour, marker) in VERDICT_MARKERS.items():
-        own = (verdicts == verdict).to_numpy()
-        ax.hlines(place[own], low[own], high[own], color=colour, lw=1.6)
-        ax.plot(error[own], place[own], ls="none", marker=marker, ms=6, color=colour)
-    reach = float(np.nanmax(np.abs([low, high, allowed])))
+        of_verdict = rows[rows["verdict"] == verdict]
+        if len(of_verdict):
+            error = of_verdict["error"]
+            ax.errorbar(
+                error,
+                of_verdict["place"],
+                xerr=(error - of_verdict["low"], of_verdict["high"] - error),
+                ls="none",
+                marker=marker,
+                ms=6,
+                elinewidth=1.6,
+                color=colour,
+                label=str(verdict),
+            )
+    reach = float(np.nanmax(rows[["low", "high", "tolerance"]].abs()))
     room = 1.15
     if reach > WIDE * allowed.min():
         ax.set_xscale("symlog", linthresh=2.0 * float(allowed.max()), linscale=2.0)
         room = 2.0
     ax.axvline(0.0, color="0.3", lw=0.8)
-    shown = zip(rows["moment"], rows["quantity"], rows["impact"], strict=True)
-    ax.set_yticks(
-        place, [f"{'E' if m == 'mean' else 'sd'} {SYMBOL[q]}, impact {k}" for m, q, k in shown]
-    )
+    symbols = rows.assign(quantity=rows["quantity"].map(SYMBOL))
+    ax.set_yticks(rows["place"], name_rows(symbols, "{moment} {quantity}, impact {impact}"))
     ax.set(xlim=(-room * reach, room * reach), ylim=(-0.7, len(rows) - 0.3))
     ax.grid(False, axis="y")
     ax.set_xlabel("error and its interval, in sds of the quantity")
-    worst = (
-        f" (the worst {MOST_ROWS_DRAWN} of {len(table)} rows)"
-        if len(table) > MOST_ROWS_DRAWN
-        else ""
-    )
+    title = line(model)[:60]
+    if len(table) > MOST_ROWS_DRAWN:
+        title += f" (the worst {MOST_ROWS_DRAWN} of {len(table)} rows)"
     colour = STYLE[model]["color"]
-    ax.set_title(
-        f"{line(model)[:60]}{worst}", loc="left", fontweight="bold", parse_math=False, color=colour
-    )
-    handles = [
-        Line2D([], [], color=colour, marker=marker, ms=6, label=verdict)
-        for verdict, (colour, marker) in VERDICT_MARKERS.items()
-        if (verdicts == verdict).any()
-    ]
-    allowance = Patch(color=ACCURATE_COLOUR, alpha=0.35, lw=0, label="allowed")
-    figure.legend(handles=[*handles, allowance], loc="outside upper center", ncols=4, frameon=False)
+    ax.set_title(title, loc="left", fontweight="bold", parse_math=False, color=colour)
+    legend_above(figure, [ax], 4)
     return figure

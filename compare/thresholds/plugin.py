@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import tomllib
 from importlib.resources import files
+from itertools import chain
 from typing import TYPE_CHECKING, Any
 
 import pytest
@@ -50,7 +51,7 @@ def read_options(config: pytest.Config) -> dict[str, str]:
     for key, option in PLUGIN_OPTIONS.items():
         kept = config.getini(key) if option.get("lasts", True) else option["default"]
         given = config.getoption(key)
-        chosen[key] = str(kept if given is None else given)
+        chosen[key] = str(kept if given is None else given) or option["default"]
     return chosen
 
 
@@ -100,9 +101,9 @@ def pytest_report_collectionfinish(
     config: pytest.Config, items: Sequence[pytest.Item]
 ) -> list[str]:
     """Report invalid markers with --collect-only, when no test runs that would report them."""
-    refused = (
-        [item for item in items if REFUSED_KEY in item.stash] if config.option.collectonly else []
-    )
+    if not config.option.collectonly:
+        return []
+    refused = [item for item in items if REFUSED_KEY in item.stash]
     return [f"rattle: {item.nodeid}: {item.stash[REFUSED_KEY]}" for item in refused]
 
 
@@ -141,29 +142,25 @@ def judge(request: pytest.FixtureRequest) -> Judge:
 
 
 def pytest_terminal_summary(terminalreporter: Any) -> None:
-    """Print what was checked and what it cost; nothing if no test used the fixture."""
-    reports = [
-        r
-        for listed in terminalreporter.stats.values()
-        for r in listed
-        if getattr(r, "when", None) == "call"
+    """Print what was checked and what it cost; nothing if no test used a fixture."""
+    records: dict[Any, Any] = {}  # reports of subtests repeat them
+    for report in chain.from_iterable(terminalreporter.stats.values()):
+        if getattr(report, "when", None) == "call":
+            facts = [value for key, value in report.user_properties if key == "rattle"]
+            records |= {(report.nodeid, str(fact)): fact for fact in facts}
+    judged = [fact for fact in records.values() if fact["kind"] == "judge"]
+    checks = [
+        {"test": test, **fact} for (test, _), fact in records.items() if fact["kind"] != "judge"
     ]
-    found = [
-        (r.nodeid, value) for r in reports for key, value in r.user_properties if key == "rattle"
-    ]
-    # reports of subtests repeat them
-    records = {(test, str(facts)): (test, facts) for test, facts in found}
-    judged = [facts for _, facts in records.values() if facts["kind"] == "judge"]
-    simulated = [record for record in records.values() if record[1]["kind"] != "judge"]
     lines: list[str] = []
     if judged:
         from rattle.compare.thresholds.judged import list_judged
 
         lines += list_judged(judged)
-    if simulated:
+    if checks:
         from rattle.compare.thresholds.messages import summary_lines
 
-        lines += summary_lines(simulated)
+        lines += summary_lines(checks, PLUGIN_TEXTS["summary"])
     if lines:
         from rattle.scene.text import harmless
 

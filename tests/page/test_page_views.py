@@ -57,7 +57,8 @@ def said(report):
     for table in (report.content["speeds"], report.content["wide"]):
         yield from (column.head for column in table.columns)
         yield from (cell.text + SIGNS_OF_MARKS[cell.mark] for row in table.rows for cell in row)
-    for pair in (*report.facts.items(), *report.words):
+    facts = {"command": "`rattle`", "commit": "abc", "time": "1.0 s wall", **report.more}
+    for pair in (*facts.items(), *report.words):
         yield from pair
     yield from (report.title, *report.answer, report.repeat, "A point.", "```\na\n```", "Inner")
     yield from (f"{word} {text}" for word in ("First", "Before", "Under", "Folded", "Again"))

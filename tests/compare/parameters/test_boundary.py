@@ -11,7 +11,7 @@ import pandas as pd
 import pytest
 
 from rattle import DAT21, Scene, Tolerances, boundary, mean_map
-from rattle.compare.parameters.boundary import _side
+from rattle.compare.parameters.boundary import Boundary
 from rattle.compare.parameters.figures import boundary_figure
 from rattle.compare.parameters.page import make_report
 from rattle.compare.parameters.search import (
@@ -134,10 +134,13 @@ def test_nowhere_accurate_is_said():
     ],
 )
 def test_a_boundary_outside_is_said_with_its_side(over, first, last, accurate, said):
+    verdict = Verdict.ACCURATE if accurate else Verdict.INACCURATE
     ends = [
-        {"value": v, "low": low, "high": high} for v, (low, high) in ((1.0, first), (2.0, last))
+        Judgement(value, verdict, low=low, high=high)
+        for value, (low, high) in ((1.0, first), (2.0, last))
     ]
-    assert _side(over, "", pd.DataFrame(ends), accurate) == f"If there is one, it lies {said}."
+    found = Boundary(DRIVEN, "saltation", over, (), pd.DataFrame(ends), 0)
+    assert found.answer[1] == f"If there is one, it lies {said}."
 
 
 def test_gears_are_searched_in_their_units():
@@ -283,5 +286,5 @@ def test_a_closure_that_takes_for_ever_ends_with_the_budget():
 
 def test_a_boundary_of_which_no_value_was_judged_is_drawn(found):
     points = found.points.assign(error=np.nan, low=np.nan, high=np.nan)
-    figure = boundary_figure("sigma", "", (), points)
+    figure = boundary_figure(dataclasses.replace(found, edges=(), points=points))
     assert np.isfinite(figure.axes[0].get_ylim()).all()

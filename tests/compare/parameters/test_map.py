@@ -41,8 +41,9 @@ def test_edges_are_expected_between_those_of_both_sides():
 
     assert expect([found((1.0, 2.0)), found((4.0, 8.0))]) == [2.0, 4.0]
     assert expect([found((1.0, 2.0)), found()]) == [1.0, 2.0]
-    assert expect([found((1.0, 2.0)), "the workers died"]) == [1.0, 2.0]
-    assert curve_rows(0.3, "the workers died")[0]["why"] == "the workers died"
+    failed = Found((), pd.DataFrame(), {}, "the workers died")
+    assert expect([found((1.0, 2.0)), failed]) == [1.0, 2.0]
+    assert curve_rows(0.3, failed)[0]["why"] == "the workers died"
 
 
 @pytest.fixture(scope="module")
