@@ -14,7 +14,7 @@ from programs import python
 
 from rattle import Study
 from rattle.closure import follow
-from rattle.compare.validation.verdict import Verdict
+from rattle.compare.judge.verdict import Verdict
 from rattle.scene import DAT21, Scene
 
 ROOT = Path(__file__).resolve().parent.parent

@@ -9,6 +9,7 @@ from rattle.compare.chaos.figures import draw
 from rattle.compare.chaos.measure import ChaosStudy
 from rattle.compare.chaos.record import STICKS_AT_TIMES, STICKS_FOR_GOOD, STICKS_OFTEN
 from rattle.compare.chaos.spectrum import spectra_tables
+from rattle.compare.judge.verdict import join_words
 from rattle.compare.report.render import render_sentences
 from rattle.compare.report.report import Report
 from rattle.compare.report.texts import (
@@ -19,7 +20,6 @@ from rattle.compare.report.texts import (
     read_texts,
 )
 from rattle.compare.validation.answer import explain_missing
-from rattle.compare.validation.verdict import join_words
 
 CHAOS_CAPTIONS: dict[str, str] = read_texts("chaos")["figures"]
 """Captions of the figures, by name."""

@@ -58,7 +58,7 @@ def judge(
     """
     from rattle.compare.judge.judge import judge as judge_samples
     from rattle.compare.judge.predictions import read_predictions
-    from rattle.compare.validation.verdict import Tolerances
+    from rattle.compare.judge.verdict import Tolerances
     from rattle.scene import InputError
 
     results = Results(name_of(predicted), out, "judge", "judge.page", overwrite, as_json)

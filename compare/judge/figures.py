@@ -8,8 +8,8 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from rattle.compare.judge.verdict import JUDGED
 from rattle.compare.report.style import ACCURATE_COLOUR, STYLE, SYMBOL, legend_above, new_figure
-from rattle.compare.validation.verdict import JUDGED
 
 if TYPE_CHECKING:
     from rattle.compare.judge.result import Judgement

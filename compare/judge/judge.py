@@ -29,7 +29,7 @@ from rattle.compare.judge.rows import (
     waits_for_branch,
 )
 from rattle.compare.judge.samples import Samples, read_samples
-from rattle.compare.validation.verdict import Tolerances
+from rattle.compare.judge.verdict import Tolerances
 from rattle.montecarlo.statistics.intervals import CONFIDENCE, half_width, tail_of, widest
 from rattle.scene import InputError, count, finite, positive
 from rattle.scene.numpy_errors import numpy_defaults

@@ -5,12 +5,12 @@ from pathlib import Path
 from typing import Any
 
 from rattle.compare.judge.result import Judgement
+from rattle.compare.judge.verdict import JUDGED, MARKS, Verdict
 from rattle.compare.report.folder import name_of
 from rattle.compare.report.provenance import provenance
 from rattle.compare.report.report import Report
 from rattle.compare.report.save import save
 from rattle.compare.report.texts import VERDICT_TERMS, glossary
-from rattle.compare.validation.verdict import JUDGED, MARKS, Verdict
 
 MOST_ROWS = 200
 """Rows that the page shows; the table files hold all of them."""

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import pandas as pd
 
 from rattle.compare.judge.reference import UNSEEN
-from rattle.compare.validation.verdict import JUDGED, Verdict, join_words, unbroken
+from rattle.compare.judge.verdict import JUDGED, Verdict, join_words, unbroken
 from rattle.scene import as_html
 from rattle.scene.numpy_errors import numpy_defaults
 from rattle.scene.text import percent
@@ -34,7 +34,7 @@ class Verdicts:
     @property
     def accurate(self) -> bool:
         """Whether all moments of all paths that are predicted and judged are accurate; see
-        ``verdict.RULE``."""
+        ``errors.RULE``."""
         return not self.of_all_paths["verdict"].isin((Verdict.INACCURATE, Verdict.UNDECIDED)).any()
 
     @property

@@ -14,7 +14,7 @@ import pandas as pd
 from numpy.typing import NDArray
 from scipy.special import ndtr
 
-from rattle.compare.validation.verdict import JUDGED, Tolerances, Verdict, judge
+from rattle.compare.judge.verdict import JUDGED, Tolerances, Verdict, judge
 from rattle.montecarlo.diagnostics.unseen_text import unseen_text
 from rattle.montecarlo.statistics.intervals import ABSOLUTE, FEWEST_FOR_SD, half_width
 from rattle.scene import Floats

@@ -13,6 +13,7 @@ from rattle.closure.closure import Closure
 from rattle.closure.mean_map import find_closure, predict
 from rattle.compare.engine.run import Runner
 from rattle.compare.engine.store import open_store
+from rattle.compare.judge.verdict import Tolerances, Verdict
 from rattle.compare.parameters import search
 from rattle.compare.parameters.finding import AlongParameter
 from rattle.compare.parameters.search import Edge, Judgement
@@ -21,7 +22,6 @@ from rattle.compare.report.json_text import json_digest
 from rattle.compare.study.cells import Sample
 from rattle.compare.study.estimate import expect_work
 from rattle.compare.study.parameters import Parameter, find_parameter
-from rattle.compare.validation.verdict import Tolerances, Verdict
 from rattle.montecarlo.kernel.blocks import Budget
 from rattle.montecarlo.looks import BUDGET_ENDED, begin_budget
 from rattle.montecarlo.seed import Rng, read_whole_seed

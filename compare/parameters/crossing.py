@@ -13,12 +13,12 @@ import pandas as pd
 
 from rattle.compare.engine.run import Runner
 from rattle.compare.engine.store import open_store
+from rattle.compare.judge.verdict import Verdict
 from rattle.compare.parameters.boundary import check_search, seed_of
 from rattle.compare.parameters.finding import AlongParameter, same_speed, with_unit
 from rattle.compare.parameters.search import MOST_VALUES, find_changes, state_effort
 from rattle.compare.stationary.result import unit_of
 from rattle.compare.stationary.study import LongCell, LongResult
-from rattle.compare.validation.verdict import Verdict
 from rattle.montecarlo.kernel.blocks import Budget
 from rattle.montecarlo.long_run import expect_run
 from rattle.montecarlo.long_run.estimates import all_names, most_unseen

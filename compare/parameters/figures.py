@@ -7,10 +7,10 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from rattle.compare.judge.verdict import DECIDED, Verdict
 from rattle.compare.parameters.finding import AlongParameter, quantity_words, with_unit
 from rattle.compare.report.style import legend_above, new_figure
 from rattle.compare.study.parameters import PERCENT
-from rattle.compare.validation.verdict import DECIDED, Verdict
 
 COLOURS: dict[str, str] = {
     Verdict.ACCURATE: "#009E73",

@@ -5,8 +5,8 @@ from typing import Any, ClassVar
 
 import pandas as pd
 
+from rattle.compare.judge.verdict import Verdict
 from rattle.compare.report.texts import read_texts
-from rattle.compare.validation.verdict import Verdict
 from rattle.scene import Scene, as_html
 from rattle.scene.numpy_errors import numpy_defaults
 

@@ -15,6 +15,7 @@ from rattle.closure.mean_map import find_closure
 from rattle.compare.engine.cluster import Cluster
 from rattle.compare.engine.run import Runner, open_cells, run
 from rattle.compare.engine.store import Cell, Content
+from rattle.compare.judge.verdict import DECIDED
 from rattle.compare.parameters.boundary import (
     BOUNDARY_IMPACTS,
     SCAN_POINTS,
@@ -31,7 +32,6 @@ from rattle.compare.parameters.finding import (
 )
 from rattle.compare.parameters.search import Edge
 from rattle.compare.study.parameters import find_parameter
-from rattle.compare.validation.verdict import DECIDED
 from rattle.montecarlo.kernel.blocks import Blocks
 from rattle.montecarlo.seed import read_whole_seed
 from rattle.scene import InputError, RattleError, Scene, check_keys, check_scene, count

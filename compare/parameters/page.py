@@ -6,6 +6,7 @@ from typing import Any
 import pandas as pd
 from matplotlib.figure import Figure
 
+from rattle.compare.judge import verdict
 from rattle.compare.parameters import crossing, search
 from rattle.compare.parameters.boundary import Boundary
 from rattle.compare.parameters.figures import tornado
@@ -16,7 +17,6 @@ from rattle.compare.parameters.sensitivity import Sensitivity
 from rattle.compare.report.report import Report
 from rattle.compare.report.table import NO_VALUE
 from rattle.compare.study.parameters import PERCENT, RELATIVE_CHANGES
-from rattle.compare.validation import verdict
 from rattle.scene.text import percent
 
 FINDING_MARKS = verdict.MARKS | {crossing.BELOW_LEVEL: "good", crossing.ABOVE_LEVEL: "bad"}

@@ -15,9 +15,9 @@ import numpy as np
 import pandas as pd
 
 from rattle.compare.judge.rows import Claimed, judge_errors, waits_for_branch
+from rattle.compare.judge.verdict import JUDGED, Tolerances, Verdict, is_accurate
 from rattle.compare.parameters.finding import by_error
 from rattle.compare.validation.errors import list_errors
-from rattle.compare.validation.verdict import JUDGED, Tolerances, Verdict, is_accurate
 from rattle.montecarlo.diagnostics.reference import Simulated
 from rattle.montecarlo.looks import Looks
 from rattle.montecarlo.statistics.intervals import widest

@@ -8,13 +8,13 @@ import pandas as pd
 
 from rattle.compare.chaos.figures import bifurcation_figure
 from rattle.compare.chaos.sweep import Bifurcation
+from rattle.compare.judge.verdict import MARKS, Verdict
 from rattle.compare.report.render import render_sentences
 from rattle.compare.report.report import Report
 from rattle.compare.report.table import NO_VALUE, Table
 from rattle.compare.report.texts import CLOSURE_TERMS, VERDICT_TERMS, glossary
 from rattle.compare.stationary.result import LEAST_EFFECTIVE, Stationary, speed_text
 from rattle.compare.stationary.verdicts import STATIONARY_TEXTS, TOLERANCES
-from rattle.compare.validation.verdict import MARKS, Verdict
 from rattle.scene.gear_values import UNIT_VALUES
 from rattle.scene.text import number_text, percent
 from rattle.scene.threshold import rattle_threshold

@@ -9,6 +9,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from rattle.compare.engine.store import Cell, Content
+from rattle.compare.judge.verdict import JUDGED, Tolerances, Verdict, span
 from rattle.compare.report.render import render_sentences
 from rattle.compare.report.style import STYLE, new_figure
 from rattle.compare.report.table import Table, of_numbers
@@ -27,7 +28,6 @@ from rattle.compare.stationary.verdicts import (
 from rattle.compare.study.design import Study, list_reasons, with_coordinates
 from rattle.compare.study.figures import label_field, panels
 from rattle.compare.study.folder import Drawing
-from rattle.compare.validation.verdict import JUDGED, Tolerances, Verdict, span
 from rattle.montecarlo.kernel.blocks import Blocks
 from rattle.montecarlo.long_run.paths import IMPACT_SECONDS
 from rattle.montecarlo.long_run.run import LONG_RUN_ACCURACY, LONG_RUN_PATHS, check_long_run

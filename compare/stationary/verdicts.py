@@ -12,8 +12,8 @@ import pandas as pd
 from scipy.special import ndtr
 
 from rattle.closure.stationary import Law, NotPredicted, branching_law, linear_law, orbit_average
+from rattle.compare.judge.verdict import judge
 from rattle.compare.report.texts import read_texts
-from rattle.compare.validation.verdict import judge
 from rattle.montecarlo.long_run.estimates import QUANTILES, all_names, groups
 from rattle.montecarlo.statistics.intervals import half_width, widest
 from rattle.scene import Floats, Scene, choice

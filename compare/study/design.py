@@ -19,7 +19,7 @@ import pandas as pd
 from rattle.closure import Closure
 from rattle.closure.mean_map import find_closure
 from rattle.compare.engine.store import Cell, Facts, Store
-from rattle.compare.validation.verdict import Tolerances
+from rattle.compare.judge.verdict import Tolerances
 from rattle.scene import (
     Gears,
     InputError,

@@ -11,9 +11,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
 
+from rattle.compare.judge.verdict import ACCURATE_UP_TO, ENDED, NOT_WRONG, WRONG, Verdict, want
 from rattle.compare.report.style import STYLE, SYMBOL, legend_above, new_figure, whole_impacts
 from rattle.compare.study.design import Placed, Study
-from rattle.compare.validation.verdict import ACCURATE_UP_TO, ENDED, NOT_WRONG, WRONG, Verdict, want
 
 GREEK = {
     "sigma": r"noise intensity $\sigma$",

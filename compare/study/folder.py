@@ -14,6 +14,7 @@ from matplotlib.figure import Figure as Drawn
 
 from rattle.compare.engine.run import check_cells, has_cells
 from rattle.compare.engine.store import Facts, numerical_version
+from rattle.compare.judge.verdict import Verdict
 from rattle.compare.report import manifest
 from rattle.compare.report.folder import (
     FIGURES_FOLDER,
@@ -31,7 +32,6 @@ from rattle.compare.report.save import file_digest, write_files
 from rattle.compare.report.table import Table, of_numbers
 from rattle.compare.report.texts import glossary
 from rattle.compare.study.design import STUDY_KINDS, Coordinates, Point, Study, kind_of, page_of
-from rattle.compare.validation.verdict import Verdict
 from rattle.scene import FileError, OutputError, RattleError
 from rattle.scene.files import read_text
 from rattle.scene.numpy_errors import numpy_defaults

@@ -15,6 +15,14 @@ from rattle.closure import CLOSURES
 from rattle.closure.mean_map import ORDER_RANGE, find_closures
 from rattle.compare.engine.store import Facts
 from rattle.compare.judge.rows import judge_errors
+from rattle.compare.judge.verdict import (
+    Tolerances,
+    Verdict,
+    is_accurate,
+    is_inaccurate,
+    judge,
+    unbroken,
+)
 from rattle.compare.study.cells import (
     BATCH,
     FACTS_STORED,
@@ -37,14 +45,6 @@ from rattle.compare.validation.errors import (
     follower_errors,
     list_errors,
     to_absolute_time,
-)
-from rattle.compare.validation.verdict import (
-    Tolerances,
-    Verdict,
-    is_accurate,
-    is_inaccurate,
-    judge,
-    unbroken,
 )
 from rattle.montecarlo.statistics.intervals import widest
 from rattle.scene import (

@@ -6,22 +6,14 @@ from typing import Any
 
 import pandas as pd
 
+from rattle.compare.judge.verdict import Verdict, in_words, is_accurate, join_words, span, want
 from rattle.compare.report.render import render_sentences
 from rattle.compare.report.texts import CLOSURE_TERMS, SECTION_TERMS, VERDICT_TERMS
 from rattle.compare.study.estimate import scaling
 from rattle.compare.study.figures import STUDY_FIGURES, panels
 from rattle.compare.study.folder import Drawing
 from rattle.compare.study.impacts import Tables, find_validity
-from rattle.compare.validation.errors import ON_ITINERARY
-from rattle.compare.validation.verdict import (
-    RULE,
-    Verdict,
-    in_words,
-    is_accurate,
-    join_words,
-    span,
-    want,
-)
+from rattle.compare.validation.errors import ON_ITINERARY, RULE
 
 TEMPLATE = "study/impacts.j2"
 SYMBOLS = ("exact flight", "σ", "α", "ε", "ρ1, ρ2", "orbit", "agreement")

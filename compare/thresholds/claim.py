@@ -8,9 +8,9 @@ from itertools import product
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from rattle.compare.judge.verdict import Tolerances
 from rattle.compare.study.cells import Sample, check_sample
 from rattle.compare.validation.errors import ON_ITINERARY
-from rattle.compare.validation.verdict import Tolerances
 from rattle.montecarlo.looks import ladder
 from rattle.montecarlo.settings import MOST_PATHS
 from rattle.scene import (

@@ -25,14 +25,14 @@ from rattle.closure.mean_map import find_closure
 from rattle.closure.stationary import Law
 from rattle.compare.engine.store import Cell, Content, Store, open_store
 from rattle.compare.judge.rows import NamedSection, judge_errors
+from rattle.compare.judge.verdict import DECIDED, Tolerances, Verdict
 from rattle.compare.stationary.result import plain_unit
 from rattle.compare.stationary.study import LongCell
 from rattle.compare.stationary.verdicts import CLOSURES_JUDGED, judge_rows, laws, values_of
 from rattle.compare.study.cells import Sample
 from rattle.compare.thresholds.claim import CLAIM_KINDS, Claim, Settings
 from rattle.compare.validation import errors
-from rattle.compare.validation.errors import ON_ITINERARY, TOO_FEW_FOLLOW
-from rattle.compare.validation.verdict import DECIDED, RULE, Tolerances, Verdict
+from rattle.compare.validation.errors import ON_ITINERARY, RULE, TOO_FEW_FOLLOW
 from rattle.montecarlo import SCHEMES
 from rattle.montecarlo.diagnostics.reference import Simulated
 from rattle.montecarlo.kernel.blocks import in_threads

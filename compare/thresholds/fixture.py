@@ -13,6 +13,7 @@ import pytest
 import tomli_w
 
 from rattle.compare.judge.rows import NamedSection
+from rattle.compare.judge.verdict import Verdict
 from rattle.compare.report.folder import write_whole
 from rattle.compare.thresholds import messages
 from rattle.compare.thresholds.claim import Claim
@@ -25,7 +26,6 @@ from rattle.compare.thresholds.decision import (
     predict,
     predict_long,
 )
-from rattle.compare.validation.verdict import Verdict
 from rattle.scene import FileError, RattleError, harmless, line
 from rattle.scene.files import parse_toml, read_text
 from rattle.scene.numpy_errors import numpy_defaults

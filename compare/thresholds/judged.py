@@ -9,7 +9,7 @@ import pytest
 
 from rattle.compare.judge.judge import judge
 from rattle.compare.judge.result import Judgement
-from rattle.compare.validation.verdict import Tolerances, Verdict
+from rattle.compare.judge.verdict import Tolerances, Verdict
 from rattle.scene.errors import RattleError, check_keys, choice, positive
 from rattle.scene.text import harmless
 

@@ -9,9 +9,9 @@ import numpy as np
 import pandas as pd
 
 from rattle.compare.judge.rows import BY_SIZE
+from rattle.compare.judge.verdict import DECIDED, Verdict, span
 from rattle.compare.study.cells import Sampled
 from rattle.compare.thresholds.claim import Claim
-from rattle.compare.validation.verdict import DECIDED, Verdict, span
 from rattle.scene import line
 
 if TYPE_CHECKING:

@@ -7,6 +7,7 @@ from typing import Any, TypeAlias
 import numpy as np
 import pandas as pd
 
+from rattle.compare.judge.verdict import join_words, span
 from rattle.compare.report.render import render_sentences
 from rattle.compare.report.report import Report
 from rattle.compare.report.table import Table, TableCell, of_numbers
@@ -27,7 +28,6 @@ from rattle.compare.tradeoff.measure import (
 from rattle.compare.tradeoff.multilevel import KURTOSIS_ALARM
 from rattle.compare.tradeoff.weak_order import ORDER_IMPACTS, STEP_PAIRS
 from rattle.compare.validation.answer import explain_missing
-from rattle.compare.validation.verdict import join_words, span
 from rattle.montecarlo.settings import EXACT_SCHEME
 from rattle.scene import duration_text
 

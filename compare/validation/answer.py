@@ -13,13 +13,13 @@ import pandas as pd
 
 from rattle.closure import refusals
 from rattle.compare.judge.rows import BY_SIZE
+from rattle.compare.judge.verdict import JUDGED, in_words, join_words, span, unbroken
 from rattle.compare.report.texts import read_texts
 from rattle.compare.validation import comparison
 from rattle.compare.validation.comparison import Comparison, Sweep
 from rattle.compare.validation.errors import HALF_OF_PATHS, SIMULATED, first_failure
 from rattle.compare.validation.tables import duration_words, motion_sentence
 from rattle.compare.validation.transient import describe_transient
-from rattle.compare.validation.verdict import JUDGED, in_words, join_words, span, unbroken
 from rattle.montecarlo.branches.search import SMALLEST
 from rattle.montecarlo.diagnostics.diagnostics import UNSEARCHED
 from rattle.montecarlo.diagnostics.reach import near_text

@@ -19,9 +19,7 @@ from rattle.closure import MeanMap
 from rattle.closure.closure import RAISED
 from rattle.closure.mean_map import closure_seconds, predict
 from rattle.compare.judge.result import Verdicts
-from rattle.compare.report.texts import read_texts
-from rattle.compare.validation.errors import ON_ITINERARY, first_failure
-from rattle.compare.validation.verdict import (
+from rattle.compare.judge.verdict import (
     Tolerances,
     Verdict,
     is_accurate,
@@ -29,6 +27,8 @@ from rattle.compare.validation.verdict import (
     unbroken,
     want,
 )
+from rattle.compare.report.texts import read_texts
+from rattle.compare.validation.errors import ON_ITINERARY, first_failure
 from rattle.montecarlo import Ensemble
 from rattle.montecarlo.accuracy.cost import cost_of
 from rattle.montecarlo.accuracy.pilots import PilotRun, sample_branches
@@ -140,7 +140,7 @@ SLOW_SPEED = 3.0
 
 class Validity(NamedTuple):
     """Range of validity of a closure at one noise intensity; which rows are judged is stated in
-    `verdict.RULE`."""
+    `errors.RULE`."""
 
     closure: str
     sigma: float  # noise intensity
@@ -208,7 +208,7 @@ def find_validities(validations: Sequence[Comparison]) -> pd.DataFrame:
 
 def rows_to_judge(v: Comparison, closure: str, kind: str = "section") -> pd.DataFrame:
     """The section rows of a closure that are judged, see
-    `rattle.compare.validation.verdict.RULE`."""
+    `rattle.compare.validation.errors.RULE`."""
     rows = v.section_rows(closure, kind)
     return rows[rows["verdict"] != Verdict.EXCLUDED]
 

@@ -19,7 +19,8 @@ from rattle.compare.judge.rows import (
     judge_errors,
     waits_for_branch,
 )
-from rattle.compare.validation.verdict import DECIDED, Tolerances, judge
+from rattle.compare.judge.verdict import DECIDED, Tolerances, judge
+from rattle.compare.report.texts import read_texts
 from rattle.montecarlo import Ensemble
 from rattle.montecarlo.diagnostics.accuracy import FEWEST_PATHS
 from rattle.montecarlo.diagnostics.reference import Simulated, list_reference
@@ -32,6 +33,10 @@ from rattle.montecarlo.statistics.intervals import half_width
 from rattle.scene import Floats, Ints, Scene
 from rattle.scene.elementary import each
 from rattle.scene.moments import Realizability, realizability
+
+RULE: str = read_texts("validation")["rule"]
+"""Which rows `rattle.montecarlo.diagnostics.reference.at_wall` excludes, and why, as pages state
+it."""
 
 ON_ITINERARY = "itinerary"
 """The kind of the rows on the paths that have followed a closure's itinerary so far."""

@@ -14,6 +14,7 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
 from rattle.compare.judge.figures import error_panel, offsets
+from rattle.compare.judge.verdict import ACCURATE_UP_TO, NOT_WRONG, WRONG
 from rattle.compare.report.style import (
     FORBIDDEN,
     STYLE,
@@ -24,7 +25,6 @@ from rattle.compare.report.style import (
 )
 from rattle.compare.report.texts import read_texts
 from rattle.compare.validation.comparison import CAUSES, Comparison
-from rattle.compare.validation.verdict import ACCURATE_UP_TO, NOT_WRONG, WRONG
 from rattle.scene import Scene
 
 # the outermost bins of a histogram that are drawn have at least this share of the highest

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import pandas as pd
 from matplotlib.figure import Figure
 
+from rattle.compare.judge.verdict import MARKS, Tolerances
 from rattle.compare.report import manifest
 from rattle.compare.report.folder import name_of
 from rattle.compare.report.provenance import command_line, provenance
@@ -25,13 +26,13 @@ from rattle.compare.report.texts import (
 from rattle.compare.validation import tables
 from rattle.compare.validation.answer import answer, correlation_claim, sigma_text
 from rattle.compare.validation.comparison import Comparison, Sweep
+from rattle.compare.validation.errors import RULE
 from rattle.compare.validation.figures import (
     VALIDATION_FIGURES,
     agreement_figure,
     drive_figure,
     validity_figure,
 )
-from rattle.compare.validation.verdict import MARKS, RULE, Tolerances
 from rattle.scene.parts import SINE_ALONE
 
 VALIDATION_TABLES = {"table": "table", "correlation": "correlation", "leaving": "run.leaving"}

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 import pandas as pd
 
+from rattle.compare.judge.verdict import JUDGED, MARKS, Verdict
 from rattle.compare.report.table import Table, TableCell, of_numbers
 from rattle.compare.validation.comparison import CAUSES, Comparison, find_validities
 from rattle.compare.validation.errors import ON_ITINERARY
@@ -15,7 +16,6 @@ from rattle.compare.validation.realizability import (
     realizability_table,
     section_distances,
 )
-from rattle.compare.validation.verdict import JUDGED, MARKS, Verdict
 from rattle.scene import STATE
 from rattle.scene.units import PRODUCTS
 

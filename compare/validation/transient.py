@@ -1,7 +1,7 @@
 """Whether the first impacts of a scene are a transient, by the threshold of rattle and the end of
 the orbit."""
 
-from rattle.compare.validation.verdict import join_words
+from rattle.compare.judge.verdict import join_words
 from rattle.scene import Scene
 from rattle.scene.long_orbit import REST_FOR_GOOD, attractor
 from rattle.scene.text import number_text, percent

@@ -13,6 +13,7 @@ import pandas as pd
 from rattle.closure import Closure, MeanMap, Orbit, closures_for, follow
 from rattle.closure.mean_map import closure_seconds, find_closures, predict
 from rattle.compare.judge.rows import NamedSection
+from rattle.compare.judge.verdict import Tolerances, Verdict
 from rattle.compare.validation import errors
 from rattle.compare.validation.comparison import (
     Comparison,
@@ -22,7 +23,6 @@ from rattle.compare.validation.comparison import (
     simulation_costs,
 )
 from rattle.compare.validation.result import Validation
-from rattle.compare.validation.verdict import Tolerances, Verdict
 from rattle.montecarlo import SCHEMES, Ensemble, Record, check_settings, default_step, simulate
 from rattle.montecarlo.accuracy.cost import cost_of
 from rattle.montecarlo.seed import Rng, read_seed

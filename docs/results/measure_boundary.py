@@ -17,9 +17,9 @@ from kept_tables import Table, keep
 
 from rattle import DAT21, Scene, Study, Tolerances, boundary, mean_map
 from rattle.compare.engine.store import Store
+from rattle.compare.judge.verdict import JUDGED
 from rattle.compare.study.cells import Sample
 from rattle.compare.validation.errors import section_errors
-from rattle.compare.validation.verdict import JUDGED
 from rattle.montecarlo.statistics.intervals import widest
 
 ROOT = Path(__file__).parents[2]

@@ -19,9 +19,9 @@ import pandas as pd
 from kept_tables import Table, columns, keep
 from kept_tables import share as share_with_interval
 
+from rattle.compare.judge.verdict import Tolerances
 from rattle.compare.validation import errors
 from rattle.compare.validation.errors import judge_again, section_errors
-from rattle.compare.validation.verdict import Tolerances
 from rattle.montecarlo import AccuracyWarning, simulate, simulate_to
 from rattle.montecarlo.diagnostics.accuracy import units
 from rattle.montecarlo.diagnostics.unseen import Unseen

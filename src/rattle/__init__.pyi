@@ -4,6 +4,7 @@ from .closure import mean_map as mean_map
 from .compare.animation.animate import animate as animate
 from .compare.chaos.chaos import chaos as chaos
 from .compare.judge.judge import judge as judge
+from .compare.judge.verdict import Tolerances as Tolerances
 from .compare.parameters.boundary import boundary as boundary
 from .compare.parameters.crossing import crossing as crossing
 from .compare.parameters.map import boundary_map as boundary_map
@@ -12,7 +13,6 @@ from .compare.stationary.measure import stationary as stationary
 from .compare.study.design import Study as Study
 from .compare.study.folder import load_study as load_study
 from .compare.validation.validate import validate as validate
-from .compare.validation.verdict import Tolerances as Tolerances
 from .montecarlo import Record as Record
 from .montecarlo import Sampling as Sampling
 from .montecarlo import simulate as simulate

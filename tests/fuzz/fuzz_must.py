@@ -6,7 +6,7 @@ import numpy as np
 
 from rattle import Scene
 from rattle.compare.judge.rows import TOO_FEW_FOR_INTERVAL
-from rattle.compare.validation.verdict import Verdict
+from rattle.compare.judge.verdict import Verdict
 from rattle.scene import SECTION, STATE, RattleError
 
 FAINTEST = 1e-289  # smallest power of an sd that can be a divisor

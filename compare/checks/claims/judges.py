@@ -22,10 +22,10 @@ from rattle.compare.chaos.record import STICKS_AT_TIMES, STICKS_FOR_GOOD, STICKS
 from rattle.compare.chaos.section import NOISY
 from rattle.compare.chaos.spectrum import VELOCITY_IN_TIME, spectra_tables
 from rattle.compare.checks.claims.evidence import Evidence
+from rattle.compare.judge.verdict import Verdict, join_words
 from rattle.compare.report.texts import read_texts
 from rattle.compare.validation.comparison import rows_to_judge
 from rattle.compare.validation.errors import SIMULATED, first_failure
-from rattle.compare.validation.verdict import Verdict, join_words
 from rattle.montecarlo.statistics.intervals import widest
 from rattle.scene import Floats, Scene
 from rattle.scene.flight import noise_covariance

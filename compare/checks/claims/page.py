@@ -17,10 +17,10 @@ from rattle.compare.checks.claims.judges import (
     REPRODUCED,
     PaperClaim,
 )
+from rattle.compare.judge.verdict import join_words
 from rattle.compare.report.report import Report
 from rattle.compare.report.style import new_figure
 from rattle.compare.report.texts import glossary
-from rattle.compare.validation.verdict import join_words
 
 EVIDENCE_FIGURES = [text.get("figure", "") for text in CLAIM_TEXTS.values()]
 """Figure of the study of chaos that shows the evidence of each claim, if there is one."""

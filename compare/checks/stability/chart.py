@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from rattle.compare.engine.run import obtain_all
 from rattle.compare.engine.store import Cell
-from rattle.compare.validation.verdict import Tolerances, Verdict
+from rattle.compare.judge.verdict import Tolerances, Verdict
 from rattle.montecarlo import Ensemble, Sampling, default_step, largest_step, simulate
 from rattle.montecarlo.diagnostics.diagnostics import (
     COLLAPSE,
@@ -110,7 +110,7 @@ def reference(scene: Scene, *, paths: int, seed: int, workers: int) -> Reference
     """Compute the reference by exact flights at a quarter of their default step, or by root finding
     without noise.
 
-    Not judged are the quantities that `rattle.compare.validation.verdict.RULE` leaves out, and
+    Not judged are the quantities that `rattle.compare.judge.verdict.RULE` leaves out, and
     those whose variance comes from less than about 3 % of the paths, for which standard errors are
     unreliable.
     """

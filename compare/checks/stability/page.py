@@ -21,10 +21,10 @@ from rattle.compare.checks.stability.chart import (
     UNSTABLE,
     Chart,
 )
+from rattle.compare.judge.verdict import Tolerances, join_words
 from rattle.compare.report.report import Report
 from rattle.compare.report.style import legend_above, new_figure
 from rattle.compare.report.texts import SCHEME_TERMS, glossary
-from rattle.compare.validation.verdict import Tolerances, join_words
 from rattle.scene import Scene
 
 CHART_MARKS: Any = {

@@ -11,8 +11,9 @@ import pytest
 from commands import rattle as command
 
 from rattle.compare.cli.validate import EXIT_NOT_MET, EXIT_NOT_REPEATED
+from rattle.compare.judge.verdict import ACCURATE_UP_TO, NOT_WRONG
 from rattle.compare.report.manifest import digest, read_settings
-from rattle.compare.validation.verdict import ACCURATE_UP_TO, NOT_WRONG, RULE
+from rattle.compare.validation.errors import RULE
 from rattle.scene import DAT21, Scene, Start
 
 SWEPT = [

@@ -11,6 +11,7 @@ import pandas as pd
 import pytest
 
 from rattle import DAT21, Scene, Tolerances, boundary, mean_map
+from rattle.compare.judge.verdict import DECIDED, Verdict
 from rattle.compare.parameters.boundary import Boundary
 from rattle.compare.parameters.figures import boundary_figure
 from rattle.compare.parameters.page import make_report
@@ -25,7 +26,6 @@ from rattle.compare.parameters.search import (
     judge_value,
 )
 from rattle.compare.report.save import save
-from rattle.compare.validation.verdict import DECIDED, Verdict
 from rattle.montecarlo.statistics.intervals import widest
 
 DRIVEN = Scene.from_gears(DAT21)

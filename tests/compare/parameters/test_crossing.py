@@ -11,6 +11,7 @@ import pytest
 from test_boundary import page_of
 
 from rattle import DAT21, Scene, crossing, stationary
+from rattle.compare.judge.verdict import Verdict
 from rattle.compare.parameters.crossing import (
     ABOVE_LEVEL,
     BELOW_LEVEL,
@@ -21,7 +22,6 @@ from rattle.compare.parameters.crossing import (
     judge_level,
 )
 from rattle.compare.stationary.study import LongResult
-from rattle.compare.validation.verdict import Verdict
 
 DRIVEN = Scene.from_gears(DAT21, sigma=0.5)
 SETTINGS = {

@@ -9,9 +9,9 @@ import pytest
 from test_boundary import DRIVEN, page_of, search, verdicts
 
 from rattle import boundary, boundary_map
+from rattle.compare.judge.verdict import Verdict
 from rattle.compare.parameters.map import NOWHERE, BoundaryMap, Found, curve_rows, expect
 from rattle.compare.parameters.search import Edge, critical
-from rattle.compare.validation.verdict import Verdict
 
 SETTINGS = {
     "along": "alpha",

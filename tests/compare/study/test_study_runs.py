@@ -19,9 +19,9 @@ from rattle import InputError, Study, Tolerances, load_study
 from rattle.closure import mean_map
 from rattle.compare.engine.run import CELLS_FOLDER, Runner, run
 from rattle.compare.engine.store import Store
+from rattle.compare.judge.verdict import JUDGED
 from rattle.compare.study.figures import validity
 from rattle.compare.study.impacts_page import answer
-from rattle.compare.validation.verdict import JUDGED
 from rattle.scene import DAT21, Scene
 
 rattle = partial(command, "study")

@@ -5,11 +5,11 @@ import numpy as np
 import pytest
 
 from rattle import Closure, mean_map, validate
+from rattle.compare.judge.verdict import JUDGED
 from rattle.compare.validation.answer import answer, itinerary_sentence
 from rattle.compare.validation.comparison import find_validities, find_validity
 from rattle.compare.validation.errors import NO_ITINERARY, ON_ITINERARY, TOO_FEW_FOLLOW
 from rattle.compare.validation.tables import find_reach, list_leaving
-from rattle.compare.validation.verdict import JUDGED
 from rattle.montecarlo import Ensemble, Record, simulate
 from rattle.montecarlo.ensemble.leaving import ENOUGH_EXITS
 from rattle.scene import DAT21, Scene, Start

@@ -9,11 +9,11 @@ import pytest
 from rattle import Sampling, Tolerances, validate
 from rattle.closure import mean_map
 from rattle.compare.judge.rows import BY_SIZE, NamedSection, judge_errors
+from rattle.compare.judge.verdict import JUDGED
 from rattle.compare.thresholds.claim import read_claim
 from rattle.compare.thresholds.decision import errors_of, predict
 from rattle.compare.validation.answer import answer
 from rattle.compare.validation.errors import section_errors
-from rattle.compare.validation.verdict import JUDGED
 from rattle.montecarlo import simulate
 from rattle.montecarlo.diagnostics.accuracy import error_bound, units
 from rattle.montecarlo.statistics.intervals import ABSOLUTE, widest

@@ -4,6 +4,7 @@ import pandas as pd
 import pytest
 
 from rattle import validate
+from rattle.compare.judge.verdict import NOT_WRONG, WRONG
 from rattle.compare.report.style import caption_of
 from rattle.compare.validation.answer import validity_sentence
 from rattle.compare.validation.comparison import Speed, Validity, find_validity
@@ -11,7 +12,6 @@ from rattle.compare.validation.figures import validity_figure
 from rattle.compare.validation.page import CAPTIONS
 from rattle.compare.validation.tables import merge_sigmas
 from rattle.compare.validation.validate import read_grid, sweep
-from rattle.compare.validation.verdict import NOT_WRONG, WRONG
 from rattle.scene import DAT21, InputError, Scene
 
 SETTINGS = {

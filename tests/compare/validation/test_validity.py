@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from rattle import validate
+from rattle.compare.judge.verdict import JUDGED, Verdict
 from rattle.compare.validation.answer import answer, correlation_claim
 from rattle.compare.validation.comparison import (
     CAUSES,
@@ -15,7 +16,6 @@ from rattle.compare.validation.comparison import (
 )
 from rattle.compare.validation.errors import SIMULATED, first_failure
 from rattle.compare.validation.tables import count_verdicts, find_reach
-from rattle.compare.validation.verdict import JUDGED, Verdict
 from rattle.scene import DAT21, Scene
 
 

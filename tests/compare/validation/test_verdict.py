@@ -10,8 +10,8 @@ from scipy import stats
 from rattle import Tolerances
 from rattle.closure import mean_map
 from rattle.compare.judge.rows import waits_for_branch
+from rattle.compare.judge.verdict import judge
 from rattle.compare.validation.errors import judge_again, section_errors
-from rattle.compare.validation.verdict import judge
 from rattle.montecarlo import Record, simulate, simulate_rare
 from rattle.montecarlo.statistics.intervals import ABSOLUTE, widest
 from rattle.scene import DAT21, Scene

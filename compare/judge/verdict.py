@@ -16,7 +16,6 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 import pandas as pd
 
-from rattle.compare.report.texts import read_texts
 from rattle.montecarlo.statistics.intervals import TOO_FEW
 
 
@@ -44,9 +43,6 @@ MARKS: dict[str, str] = {
     Verdict.NOT_PREDICTED: "",
 }
 """Mark of a table cell, see `rattle.compare.report.MARKS`; what is excluded has none."""
-
-RULE: str = read_texts("validation")["rule"]
-"""Which rows `at_wall` excludes, and why, as pages state it."""
 
 UNSEEN = ("unseen_low", "unseen_high", "unseen_paths")
 
