@@ -60,34 +60,6 @@ def test_a_misprinted_coefficient_loses_its_moment():
     assert abs(grid_moments(series, 4)[3, 0] - raw[3, 0]) > 0.01
 
 
-def test_coefficients_have_their_published_low_orders():
-    raw = mixture_moments(4)
-    sx = sqrt(raw[2, 0])
-    sy = sqrt(raw[0, 2])
-    rho = raw[1, 1] / (sx * sy)
-    a = coefficients(raw, sx, sy)
-    explicit = {
-        (0, 0): 1.0,
-        (1, 0): 0.0,
-        (0, 1): 0.0,
-        (2, 0): 0.0,
-        (0, 2): 0.0,
-        (1, 1): rho,
-        (3, 0): raw[3, 0] / (6 * sx**3),
-        (0, 3): raw[0, 3] / (6 * sy**3),
-        (2, 1): raw[2, 1] / (2 * sx**2 * sy),
-        (1, 2): raw[1, 2] / (2 * sx * sy**2),
-        (4, 0): (raw[4, 0] / sx**4 - 3) / 24,
-        (0, 4): (raw[0, 4] / sy**4 - 3) / 24,
-        (3, 1): (raw[3, 1] / (sx**3 * sy) - 3 * rho) / 6,
-        (1, 3): (raw[1, 3] / (sx * sy**3) - 3 * rho) / 6,
-        (2, 2): (raw[2, 2] / (sx * sy) ** 2 - 1) / 4,
-    }
-    for entry, value in explicit.items():
-        assert a[entry] == pytest.approx(value, rel=1e-12, abs=1e-15)
-    assert a.sum() == pytest.approx(sum(explicit.values()), rel=1e-12)  # and nothing beyond them
-
-
 WINDOWS = [(-0.9, 0.0), (-0.4, 1.5), (0.1, 0.35), (-30.0, 30.0), (-1.3, -0.2)]
 
 

@@ -142,14 +142,6 @@ def test_a_closure_that_stops_early_says_why_and_leaves_the_other_rows_empty():
     assert set(m.itinerary[m.trace.found :]) == {0}
 
 
-def test_edgeworth_has_the_moments_of_its_impact(dat21):
-    m = mean_map(dat21, impacts=3)
-    series = m.edgeworth(2, 2)
-    covariance = m.stage_covariance(2, 2)
-    assert (series.sd_x**2, series.sd_y**2) == pytest.approx((covariance[0, 0], covariance[1, 1]))
-    assert series.a[1, 1] == pytest.approx(m.section.loc[2, "rho2"])
-
-
 def test_a_corrected_series_has_the_powers_of_rho_alone(dat21):
     a = mean_map(dat21, impacts=3, closure="corrected", order=6).edgeworth(3, 1).a
     rho = a[1, 1]

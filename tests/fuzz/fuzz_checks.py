@@ -6,7 +6,7 @@ from typing import Any
 
 import fuzz_sampled
 import numpy as np
-from fuzz_files import simulate_file, study_file, validate_file
+from fuzz_files import command
 from fuzz_must import FAINTEST, SLACK, Ended, finite, has_verdicts, must, own, refused, semidefinite
 
 from rattle import validate
@@ -216,7 +216,7 @@ ENTRIES: dict[str, Callable[[Scene, dict[str, Any]], Ended]] = {
     **{name: fuzz_sampled.scheme(name) for name in SCHEMES},
     "accuracy": fuzz_sampled.accuracy,
     "validate": validation,
-    "simulate a file": simulate_file,
-    "validate a file": validate_file,
-    "study a file": study_file,
+    "simulate a file": command("simulate"),
+    "validate a file": command("validate"),
+    "study a file": command("study"),
 }

@@ -39,8 +39,7 @@ def scheme(name: str) -> Callable[[Scene, dict[str, Any]], Ended]:
         run = simulate(scene, **recorded(given))
         if settings["paths"] > 1024:
             other = simulate(scene, **recorded(given), workers=2)
-            for column, values in run.columns.items():
-                must(_same(values, other.columns[column]), "workers change", column)
+            must(run.section.equals(other.section), "workers change", run.section)
         must(run.paths == settings["paths"], "paths", run.paths)
         of_an_ensemble(run)
         if settings.get("step_bias"):
@@ -85,7 +84,6 @@ def of_an_ensemble(run: Ensemble) -> None:
     _moments(run, reached)
     _in_time(run, reached)
     _at_times(run)
-    _kept(run)
     must(all(isinstance(c, str) and c for c in run.diagnostics), "diagnostics", run.diagnostics)
     must(
         bool(run.diagnostics) or not run.unfinished,
@@ -142,17 +140,6 @@ def _at_times(run: Ensemble) -> None:
         must(moments.notna(), "no moment at a time\n", fixed.T)
         varies = (moments[f"cov_{x}_{x}"] * moments[f"cov_{y}_{y}"] > FAINTEST).to_numpy()
         must(abs(fixed.loc[varies, rho]) <= CORRELATION, "no correlation at a time\n", fixed.T)
-
-
-def _kept(run: Ensemble) -> None:
-    section = run.result.sums["section"]
-    if run.histograms is not None:
-        totals = run.histograms.counts.sum(axis=-1)
-        there = [SECTION.index(q) for q in own(run.scene)]
-        must(totals[:, there] == section.n[:, there], "histogram", totals)
-    if run.batches is not None:
-        must(run.batches.n.sum(axis=0) == section.n, "batches", run.batches.n)
-        must(np.isfinite(run.batches.mean) & (run.batches.squares >= 0.0), "batches\n", run.batches)
 
 
 def unexplained(run: Ensemble) -> dict[str, Any]:
@@ -242,12 +229,6 @@ def of_its_paths(scene: Scene, raw: Any, name: str) -> None:
         must(y[hit] * code[there][hit] >= 0.0, "not outward")
         if name not in OVERSHOOTS:
             must(abs(x) <= most * (1.0 + SLACK), "beside its walls", most, x)
-
-
-def _same(a: Any, b: Any) -> bool:
-    return bool(
-        np.array_equal(np.asarray(a), np.asarray(b), equal_nan=np.asarray(a).dtype.kind == "f")
-    )
 
 
 # paths, flights of each, and times in a flight that are checked

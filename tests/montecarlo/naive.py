@@ -11,12 +11,10 @@ import math
 import random
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from itertools import count
 
 import numpy as np
 from oracle import Gearbox, two_stages
-
-# impacts and turns within one step; one more, and the mesh stays closed to the end of the step
-MOST = 64
 
 
 @dataclass
@@ -32,12 +30,9 @@ class Path:
     state: list[float]
     tau0: float
     fault: str | None = None
-    # by mesh: half gap that impact k gives to the opposite flank
-    fresh: dict[int, list[float]] | None = None
     n: int = 0
     impacts: list[tuple[float, ...]] = field(default_factory=list)
     per_step: list[list[int]] = field(default_factory=list)
-    sticking_steps: int = 0
     spare: random.Random = field(default_factory=lambda: random.Random(5))
 
     @classmethod
@@ -68,13 +63,10 @@ class Path:
         change = []
         for i, damping in enumerate(box.damping.tolist()):
             m = box.by_second[i] * second + box.by_first[i] * first
-            noise = m
-            if self.fault == "noise without its cosine" and i == 0:
-                noise = second
             if self.fault == "noise not shared" and i == 1:
                 dw = self.spare.gauss(0.0, math.sqrt(h))
             drift = box.drag[i] - sum(d * v for d, v in zip(damping, y, strict=True))
-            change.append(float(h * (drift + box.alpha * m) + self.scene.sigma * noise * dw))
+            change.append(float(h * (drift + box.alpha * m) + self.scene.sigma * m * dw))
         return change
 
     def _drift(self, tau: float, dw: float, h: float) -> None:
@@ -86,9 +78,6 @@ class Path:
     def _record(self, tau: float, code: int) -> None:
         self.impacts.append((tau, *self.state, code))
         self.per_step[-1].append(code)
-        if self.fresh is not None and len(self.impacts) <= len(self.fresh[1]):
-            flank = code if self.fault == "redraws the flank struck" else -code
-            self.walls[flank] = self.fresh[abs(code)][len(self.impacts) - 1]
         self._collide(abs(code))
 
     def step(self, z: float, bridge: Callable[[int], float]) -> None:
@@ -97,7 +86,7 @@ class Path:
         self.per_step.append([])
         begin = self.tau0 + self.n * self.dt
         self.n += 1
-        dw = z * (self.dt if self.fault == "sqrt dt forgotten" else math.sqrt(self.dt))
+        dw = z * math.sqrt(self.dt)
         ends = [x + self.dt * y for x, y in zip(self.state[::2], self.state[1::2], strict=True)]
         leaves = any(
             math.copysign(1, code) * ends[abs(code) - 1] > wall for code, wall in self.walls.items()
@@ -115,35 +104,6 @@ class Path:
                 self.state[place] = side * wall
                 self._record(begin + self.dt, code)
 
-    def _rest(self, tau: float, dw: float, left: float, m: int) -> None:
-        """Mesh m stays closed for the rest of the step: its contact gives all rates what keeps its
-        own at zero (docs/model.md section 3)."""
-        parts = 50
-        h = left / parts
-        effect = self.box.effect[:, m - 1].tolist()
-
-        def hold(rates: list[float]) -> list[float]:
-            return [rate - e * rates[m - 1] for rate, e in zip(rates, effect, strict=True)]
-
-        self.state[1::2] = hold(self.state[1::2])
-        before = self.state[1::2]
-        for k in range(parts):
-            start = list(self.state)
-            for share, at in ((0.5, tau + k * h), (1.0, tau + (k + 0.5) * h)):  # midpoint rule
-                change = hold(self._change(at, dw / parts * share, h * share))
-                for i, gained in enumerate(change):
-                    self.state[2 * i] = start[2 * i] + h * share * self.state[2 * i + 1]
-                    self.state[2 * i + 1] = start[2 * i + 1] + gained
-        for code, wall in self.walls.items():
-            i = abs(code) - 1
-            side = math.copysign(1, code)
-            beyond = side * self.state[2 * i] - wall
-            if i != m - 1 and beyond > 0.0:  # its speed at the wall, by a constant acceleration
-                gained = 2.0 * beyond * side * (self.state[2 * i + 1] - before[i]) / left
-                speed = math.sqrt(max(self.state[2 * i + 1] ** 2 - gained, 0.0))
-                self.state[2 * i] = side * wall
-                self.state[2 * i + 1] = side * speed
-
     def _meetings(self, left: float) -> list[tuple[float, int, int]]:
         """Times to the walls that the straight lines meet within the rest of a step, with mesh and
         side."""
@@ -159,19 +119,16 @@ class Path:
 
     def _step_located(self, tau: float, dw: float, bridge: Callable[[int], float]) -> None:
         left = self.dt
-        for leg in range(MOST + 1):
+        for leg in count():
             normal = bridge(leg)
             meetings = self._meetings(left)
-            if self.fault == "one impact per step" and self.per_step[-1]:
-                meetings = []
             if not meetings:
                 self._drift(tau, dw, left)
                 return
             t, m, s = max(meetings) if self.fault == "later wall first" else min(meetings)
             share = t / left
             mean = 0.0 if self.fault == "bridge without mean" else dw * share
-            spread = 0.0 if self.fault == "bridge without spread" else math.sqrt(t * (1.0 - share))
-            part = mean + spread * normal
+            part = mean + math.sqrt(t * (1.0 - share)) * normal
             if t > 0.0:
                 self._drift(tau, part, t)
             tau = tau + t
@@ -180,52 +137,16 @@ class Path:
                 dw -= part
             self.state[2 * m - 2] = s * self.walls[s * m]
             if s * self.state[2 * m - 1] > 0.0:
-                if leg == MOST:
-                    self.sticking_steps += 1
-                    self._rest(tau, dw, left, m)
-                    return
                 self._record(tau, s * m)
 
 
-def _without_walls(*codes: int) -> Callable[[Path], None]:
-    return lambda path: path.walls.update(dict.fromkeys(codes, math.inf))
-
-
-def _with(name: str, place: tuple[int, ...], change: Callable[[float], float]):
-    """Alters one number of the dynamics."""
-
-    def alter(path: Path) -> None:
-        numbers = getattr(path.box, name)
-        numbers[place] = change(numbers[place])
-
-    return alter
-
-
-def _in_steps(path: Path) -> None:
-    """The steps themselves look at the name of these."""
-
-
 FAULTS = {
-    "mesh-1 leaves stage 2": _with("effect", (1, 0), lambda effect: 0.0),
-    "mesh-2 sign": _with("effect", (0, 1), lambda effect: -effect),
-    "mesh-2 leaves stage 1": _with("effect", (0, 1), lambda effect: 0.0),
-    "mu swapped": _with("effect", (0, 1), lambda mu: 1.0 - mu),
-    "coupling forgotten": _with("damping", (1, 0), lambda coupling: 0.0),
-    "drag sign": _with("drag", (0,), np.negative),
-    "one wall only": _without_walls(-1, -2),
-    "mesh 1 only": _without_walls(2, -2),
-    "noise not shared": _in_steps,
-    "sqrt dt forgotten": _in_steps,
-    "noise without its cosine": _in_steps,
-    "phase at step end": _in_steps,
+    "mesh-2 sign": lambda path: np.negative(path.box.effect[0, 1:], out=path.box.effect[0, 1:]),
+    "coupling forgotten": lambda path: path.box.damping[1].put(0, 0.0),
+    "one wall only": lambda path: path.walls.update({-1: math.inf, -2: math.inf}),
 }
-"""Errors that either scheme can have."""
-
-LOCATED_FAULTS = (
-    "bridge without spread",
-    "bridge without mean",
-    "increment not split",
-    "one impact per step",
-    "later wall first",
-)
+"""Errors of the dynamics."""
+IN_STEPS = ("noise not shared", "phase at step end")
+"""Errors that a step makes."""
+LOCATED_FAULTS = ("bridge without mean", "increment not split", "later wall first")
 """Errors that only a scheme with located impacts can have."""

@@ -170,16 +170,6 @@ class TestScheme:
         )  # rounding, and its growth
         assert np.isnan(lone[:, :, 4:6]).all()
 
-    def test_paths_cut_off_by_the_horizon_are_counted(self, scheme):
-        """A third impact at about 1.1: cut at 0.7, every path has had one impact and none has had
-        three."""
-        run = self.run(scheme, dat21(0.05), paths=700, impacts=3, horizon=0.7)
-        assert run.unfinished == 700
-        assert run.section.paths.tolist() == [700, 0, 0]
-        assert np.isnan(run.section.tau[3])
-        assert np.isnan(run.raw[:, 1:]).all()
-        assert run.section.agreement[3] == 0.0
-
     def test_no_path_runs_beyond_the_horizon_by_more_than_a_step(self, scheme):
         run = self.run(scheme, dat21(0.3), impacts=60, horizon=1.5)
         assert run.unfinished == 200
@@ -205,9 +195,6 @@ class TestScheme:
         assert (run.sticking_steps > 0) == LOCATES[scheme]
         assert np.isfinite(run.raw).all()
         assert (run.raw[:, :, 1] >= 0.0).all()
-
-    def test_paths_that_never_accumulate_never_stick(self, scheme):
-        assert self.run(scheme, dat21(0.1), paths=500).sticking_steps == 0
 
     @pytest.mark.parametrize("epsilon", [0.0, 0.02])
     def test_collapse_onto_the_wall_is_survived(self, scheme, epsilon):
@@ -240,14 +227,6 @@ class TestScheme:
             dat21(0.3), gap1=0.54, gap2=0.52, start=Start(0.0, 0.54, 2.0, 0.52, 2.0, mesh=1)
         )
         assert np.array_equal(tolerant.raw, self.run(scheme, wider).raw)
-
-    @pytest.mark.parametrize("draw", ["path", "contact"])
-    def test_tolerance_of_no_width_is_none(self, scheme, draw):
-        raws = [
-            self.run(scheme, dat21(0.3, tolerance=t)).raw
-            for t in (None, Tolerance(0.0, 0.0, draw=draw))
-        ]
-        assert np.array_equal(*raws)
 
     @pytest.mark.parametrize("mesh", [1, 2])
     def test_a_flank_is_redrawn_when_and_only_when_the_opposite_is_struck(self, scheme, mesh):

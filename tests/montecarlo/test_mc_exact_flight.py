@@ -27,10 +27,9 @@ from rattle.montecarlo.schemes.crossing import CLOSE_TO_WALL
 from rattle.montecarlo.schemes.exact_flight import flight_forcing
 from rattle.montecarlo.schemes.step_size import neglected_noise
 from rattle.scene import Scene, Start, Tolerance
-from rattle.scene.flight import flow, jacobian, noise_covariance, noise_rate
+from rattle.scene.flight import jacobian, noise_covariance, noise_rate
 
 EXACT = "exact-flight"
-LOCATED = "euler-maruyama-located"
 QUANTITIES = ("tau", "flight", "x1", "y1", "x2", "y2")
 
 
@@ -98,15 +97,6 @@ def test_covariance_of_a_flight_lacks_only_what_is_said_to_be_left_out(case):
 def test_check_of_the_covariance_sees_a_wrong_area():
     truth = left_out(OPEN["DAT21"]) / np.abs(left_out(OPEN["DAT21"])).max()
     assert np.abs(missing(OPEN["DAT21"], across=0.9999)[-1] - truth).max() > 0.05
-
-
-@pytest.mark.parametrize("case", OPEN)
-def test_mean_of_a_flight_is_the_flow(case):
-    scene = OPEN[case]
-    s = OPEN[case].start
-    exact = flow(scene.constants, s.tau, s.x1, s.y1, s.x2, s.y2, FLIGHT)
-    for steps in (1, 7, 50):
-        assert np.abs(by_steps(scene, FLIGHT, FLIGHT / steps, exact_step)[0] - exact).max() < 1e-13
 
 
 ORBITS = {
@@ -186,25 +176,6 @@ def test_comparison_of_steps_sees_another_scene(change):
     assert not same_moments(sampled(scene, math.pi / 32.0), other)
 
 
-def test_what_is_left_out_shows_where_the_noise_begins_from_nothing():
-    """A limit, not a virtue: at tau = 0 the modulation all but vanishes, and so does the variance
-    of a short flight.
-
-    What increment and area leave out is then no small share of it: 15 % of the sd of x1 after one
-    step of 0.2, and 0.9 % after two of 0.1, around pi / 32.  It falls with the fourth power of the
-    step.
-    """
-    scene = open_space(0.5, beta1=0.08, start=Start(0.0, 0.1, -0.4, -0.2, 0.5))
-    t = 0.2
-    exact = noise_covariance(scene.constants, 0.0, t)[0, 0]
-    lacking = 1.0 - np.sqrt(
-        [by_steps(scene, t, t / n, exact_step)[1][0, 0] / exact for n in (1, 2, 4, 8)]
-    )
-    assert 0.14 < lacking[0] < 0.16
-    assert 0.008 < lacking[1] < 0.01
-    assert lacking[1:-1] / lacking[2:] == pytest.approx(16.0, rel=0.1)
-
-
 FROM_NOTHING = {
     "mesh 1": Scene(
         alpha=1.5,
@@ -264,75 +235,6 @@ def test_coarse_levels_of_one_noise_differ_by_no_bias():
     seen = table[table.se_bias > 1e-9]
     assert len(seen) > 20
     assert agrees(seen.bias, 0.0, seen.se_bias)
-
-
-EULER = {
-    "DAT21 0.05": (dat21(0.05), 60_000),
-    "DAT21 0.5": (dat21(0.5), 20_000),
-    "DAT21 1.22": (dat21(math.sqrt(1.5)), 20_000),
-    "unequal gaps": (replace(UNEQUAL_GAPS, sigma=0.2), 20_000),
-    "redrawn walls": (replace(TOLERANT, sigma=0.2), 20_000),
-}
-FEW = 3
-
-
-@pytest.fixture(scope="module")
-def extrapolated():
-    """Richardson's extrapolation of located Euler steps, once per case."""
-    kept = {}
-
-    def of(case):
-        if case not in kept:
-            scene, paths = EULER[case]
-            run = simulate(
-                scene,
-                paths=paths,
-                impacts=FEW,
-                dt=2.5e-3,
-                scheme=LOCATED,
-                rng=5,
-                record=Record(step_bias=True),
-            )
-            kept[case] = run.step_bias
-        return kept[case]
-
-    return of
-
-
-def agrees_with(table, run):
-    """Whether section means and sds are the extrapolated ones, to sampling errors and what
-    extrapolation leaves."""
-    table = table[table.se_corrected > 1e-9]
-    names = [
-        ("" if m == "mean" else "sd_") + q
-        for m, q in zip(table.moment, table.quantity, strict=True)
-    ]
-    value = np.array([run.section.loc[k, n] for k, n in zip(table.impact, names, strict=True)])
-    se = np.array([run.section.loc[k, f"se_{n}"] for k, n in zip(table.impact, names, strict=True)])
-    return agrees(
-        value, table.corrected, np.hypot(se, table.se_corrected), slack=table["rest"].to_numpy()
-    )
-
-
-@pytest.mark.parametrize("case", EULER)
-def test_section_is_that_of_extrapolated_euler_steps(case, extrapolated):
-    assert agrees_with(
-        extrapolated(case), sampled(EULER[case][0], math.pi / 128.0, EULER[case][1], FEW)
-    )
-
-
-PLANTED = {
-    "sigma": {"sigma": 1.03 * 0.05},
-    "epsilon": {"epsilon": 0.902},
-    "beta1": {"beta1": 0.0825 / 0.9},
-    "gamma2": {"gamma2": 0.036},
-}
-
-
-@pytest.mark.parametrize("fault", PLANTED)
-def test_comparison_with_euler_steps_sees_another_scene(fault, extrapolated):
-    other = replace(dat21(0.05), **PLANTED[fault])
-    assert not agrees_with(extrapolated("DAT21 0.05"), sampled(other, math.pi / 128.0, 60_000, FEW))
 
 
 @pytest.mark.parametrize("scene", [UNEQUAL_GAPS, TOLERANT], ids=["fixed walls", "redrawn walls"])

@@ -8,7 +8,6 @@ from scipy.stats import binomtest
 
 from rattle import InputError
 from rattle.montecarlo import Record, simulate
-from rattle.montecarlo.ensemble import leaving
 from rattle.montecarlo.ensemble.simulate_rare import begin_rare
 from rattle.montecarlo.kernel.blocks import in_threads
 from rattle.montecarlo.settings import NOISE_FREE
@@ -117,16 +116,3 @@ def test_intervals_of_leaving_hold_as_often_as_they_say():
     for truth, held in ((np.median(found), True), (1.2 * np.median(found), False)):
         within = int(((np.array(low) < truth) & (truth < np.array(high))).sum())
         assert (binomtest(within, 100, 0.95, "less").pvalue > 1e-4) == held
-
-
-def test_branches_that_the_paths_of_a_run_know_are_not_sampled_again(monkeypatch):
-    drawn = []
-    one = leaving.sample_mixture
-    monkeypatch.setattr(
-        leaving, "sample_mixture", lambda *given: drawn.append(given) or one(*given)
-    )
-    for paths, near in ((40_000, True), (400_000, False)):
-        drawn.clear()
-        row = simulate(NOISY, paths=paths, impacts=1, rng=4, record=APART).leaving.iloc[0]
-        assert bool(drawn) == bool(row["near"]) == near
-        assert row["low"] < 5.2e-4 < row["high"]

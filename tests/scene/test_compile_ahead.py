@@ -158,13 +158,6 @@ def test_none_is_started_where_the_environment_says_so(started, monkeypatch, tmp
     assert not started
 
 
-def test_one_core_has_no_other_process(started, monkeypatch, tmp_path):
-    monkeypatch.setenv(compile_ahead.COMPILERS, "as many as possible")
-    monkeypatch.setattr(os, "sched_getaffinity", lambda process: {0}, raising=False)
-    compile_ahead.start(tmp_path)
-    assert not started
-
-
 @pytest.mark.parametrize(
     "fault", [OSError(11, "Resource temporarily unavailable"), RuntimeError("audit")]
 )

@@ -9,11 +9,10 @@ from oracle import two_stages
 from scenes import ORDERS, THREE
 
 import rattle.scene
-from rattle import DAT21, InputError, Order, Scene, follow
+from rattle import DAT21, InputError, Order, Scene
 from rattle.closure import refusals
 from rattle.closure.saltation import noise_slope
 from rattle.scene.flight import flow, noise_covariance
-from rattle.scene.sticking import opening
 
 STATE = (0.1, -1.3, 0.2, 0.7)
 # the second is too far from the first for a recurrence
@@ -46,20 +45,6 @@ def test_the_noise_of_a_flight_has_the_covariance_of_the_linear_system(t):
     assert noise_slope(c, 0.4, t) == pytest.approx(slope, rel=1e-7, abs=1e-9)
 
 
-@pytest.mark.parametrize("side", [1, -1])
-@pytest.mark.parametrize("gamma", [0.02, 0.8, 3.0])
-def test_a_mesh_opens_where_its_contact_force_first_falls_to_zero(side, gamma):
-    scene = Scene(alpha=0.5, epsilon=0.3, beta1=0.1, gamma1=gamma, stages=1, drive=ORDERS)
-    tau = np.linspace(0.3, 0.3 + 2.0 * math.pi, 200_001)
-    push = two_stages(scene.constants, ORDERS).modulation(tau[::100])[0]
-    force = side * (gamma + 0.5 * push)
-    found = opening(scene.constants, 0.3, 0.0, 0.0, (side, 0))[0]
-    below = np.flatnonzero(force <= 0.0)
-    assert found == (
-        pytest.approx(tau[::100][below[0]] - 0.3, abs=4e-3) if below.size else math.inf
-    )
-
-
 def test_one_order_that_is_the_sine_is_the_default():
     plain = Scene.from_gears(DAT21, sigma=0.1)
     for drive in ((Order(1),), (Order(2, 0.0), Order(1, 1.0, 0.0))):
@@ -67,12 +52,6 @@ def test_one_order_that_is_the_sine_is_the_default():
     assert "drive" not in plain.to_dict()
     assert "drive" not in repr(plain)
     assert "correlation_time" not in plain.to_toml()
-
-
-def test_a_single_order_of_another_phase_is_a_start_at_another_time():
-    turned = replace(THREE, drive=(Order(1, 1.0, 0.7),), sigma=0.0)
-    late = Scene.from_gears(DAT21, start=replace(THREE.start, tau=0.7))
-    assert follow(turned, 6).tau + 0.7 == pytest.approx(follow(late, 6).tau, abs=1e-11)
 
 
 def test_files_give_back_the_drive():

@@ -5,7 +5,7 @@ import pytest
 from oracle import two_stages
 
 from rattle.scene import Scene
-from rattle.scene.flight import flow, noise_covariance, noise_rate
+from rattle.scene.flight import flow
 
 BETAS = (0.0, 1e-12, 1e-6, 0.08, 1.0, 50.0)
 PAIRS = list(product(BETAS, BETAS))
@@ -44,14 +44,3 @@ def test_stage_1_flies_alike_with_and_without_stage_2():
     one = constants(0.08, 0.13, stages=1)
     two = constants(0.08, 0.13)
     assert flow(one, 0.7, *STATE, 2.5)[:2] == flow(two, 0.7, *STATE, 2.5)[:2]
-
-
-def test_noise_rate_is_eq_5():
-    c = constants(0.08, 0.13)
-    assert noise_rate(c, 0.7) == pytest.approx(two_stages(c).modulation(0.7), rel=1e-15)
-
-
-def test_a_single_stage_collects_no_noise_in_stage_2():
-    one, two = (noise_covariance(constants(0.08, 0.13, stages=s), 0.7, 3.0) for s in (1, 2))
-    assert not one[2:].any()
-    assert one[:2, :2] == pytest.approx(two[:2, :2], rel=1e-15)

@@ -221,14 +221,6 @@ def test_what_follows_from_gears_is_refused_by_their_fields(changes, field, para
     assert parameter in str(caught.value)
 
 
-def test_other_errors_of_a_scene_of_gears_stay_as_they_are():
-    with pytest.raises(InputError, match="sigma = -1") as caught:
-        Scene.from_gears(DAT21, sigma=-1.0)
-    assert caught.value.field == "sigma"
-    with pytest.raises(InputError, match="give Gears"):
-        Scene.from_gears({"alpha": 1.0})
-
-
 @pytest.mark.parametrize(
     ("make", "words"),
     [
@@ -288,9 +280,3 @@ def test_an_error_from_a_file_names_file_line_and_key(tmp_path, text, where):
         Scene.load(written(tmp_path, text))
     assert where in str(caught.value)
     assert str(caught.value).startswith(str(tmp_path / "mine.toml"))
-
-
-def test_a_byte_order_mark_is_no_content(tmp_path):
-    path = tmp_path / "windows.toml"
-    path.write_bytes(b"\xef\xbb\xbf" + (TEXT + "alpha = 1.5\n").replace("\n", "\r\n").encode())
-    assert Scene.load(path).gears == DAT21
