@@ -6,7 +6,7 @@ from oracle import two_stages
 from reference_moments import stage_moments_after_flight
 
 from rattle.closure import follow, mean_map
-from rattle.scene import DAT21, Scene, Start, Tolerance
+from rattle.scene import DAT21, STATE, Scene, Start, Tolerance
 
 PHI0 = 1 / math.sqrt(2 * math.pi)
 
@@ -57,23 +57,12 @@ def test_covariance_is_that_of_its_own_equation(name):
         assert found[k] == pytest.approx(exact[k], rel=0, abs=1e-9 * abs(exact[k]).max())
 
 
-def mesh_2_with_wrong_sign(impacts):
-    impacts[2][1, 3] *= -1
-    return impacts
-
-
-def mesh_1_everywhere(impacts):
-    return [impacts[1]] * 3
-
-
-@pytest.mark.parametrize("wrong", [mesh_2_with_wrong_sign, mesh_1_everywhere])
-def test_a_wrong_restitution_is_distinguished(wrong):
+def test_a_wrong_restitution_is_distinguished():
+    """That of mesh 1 at every impact."""
     scene = SCENES["DAT21"]
+    exact = covariances(scene, follow(scene, 12), lambda impacts: [impacts[1]] * 3)[12]
     found = mean_map(scene, impacts=12, closure="corrected").trace.covariance[12]
-    assert (
-        abs(covariances(scene, follow(scene, 12), wrong)[12] - found).max()
-        > 0.05 * abs(found).max()
-    )
+    assert abs(exact - found).max() > 0.05 * abs(found).max()
 
 
 @pytest.mark.parametrize("order", [4, 6])
@@ -146,15 +135,12 @@ def test_the_windows_reach_to_the_largest_gap(distribution):
 
 def test_moments_at_fixed_times_tend_to_the_section_moments_at_an_impact():
     m = mean_map(Scene.from_gears(DAT21, sigma=0.05), impacts=6, closure="corrected")
-    rows = m.at_times(m.trace.tau[1:] - 1e-10)
-    for k in range(1, 7):
-        row = rows.iloc[k - 1]
-        cov = m.trace.covariance[k]
-        scale = abs(cov).max()
-        assert row["cov_x1_x1"] == pytest.approx(m.section.loc[k, "sd_x1"] ** 2, abs=1e-8 * scale)
-        assert row["cov_y1_y2"] == pytest.approx(cov[1, 3], abs=1e-8 * scale)
-        assert row["cov_x2_y2"] == pytest.approx(cov[2, 3], abs=1e-8 * scale)
-        assert row["rho1"] == pytest.approx(m.section.loc[k, "rho1"], abs=1e-7)
-        assert row[["x1", "y1", "x2", "y2"]].to_numpy(float) == pytest.approx(
-            m.trace.mean[k], abs=1e-8
-        )
+    row = m.at_times([m.trace.tau[6] - 1e-10]).iloc[0]
+    upper = np.triu_indices(4)
+    names = [f"cov_{STATE[i]}_{STATE[j]}" for i, j in zip(*upper, strict=True)]
+    covariance = m.trace.covariance[6]
+    assert row[names].to_numpy() == pytest.approx(
+        covariance[upper], abs=1e-8 * abs(covariance).max()
+    )
+    assert row[[*STATE]].to_numpy() == pytest.approx(m.trace.mean[6], abs=1e-8)
+    assert row["rho1"] == pytest.approx(m.section.loc[6, "rho1"], abs=1e-7)

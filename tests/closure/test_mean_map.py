@@ -32,7 +32,6 @@ def closure(request):
 
 
 BRANCHING = ["agreement", "discarded", "error_mean", "error_sd", "within"]
-ONE_ORBIT = pytest.mark.parametrize("closure", ["published", "corrected", "saltation"])
 
 
 def test_section_keeps_the_contract(dat21, closure):
@@ -58,12 +57,6 @@ def test_the_section_table_is_consistent(dat21, closure):
             assert section.loc[k, f"rho{stage}"] == pytest.approx(
                 correlation(m.stage_covariance(k, stage)), nan_ok=True
             )
-
-
-@pytest.mark.parametrize("closure", ["published", "corrected"])
-def test_the_paper_s_closures_predict_no_sd_of_times(dat21, closure):
-    section = mean_map(dat21, impacts=7, closure=closure).section
-    assert section[["sd_tau", "sd_flight"]].isna().all().all()
 
 
 def test_a_single_stage_leaves_stage_2_empty(closure):
@@ -98,21 +91,6 @@ def test_a_bad_request_is_refused_in_words(dat21, change, words):
 def test_a_scene_is_needed(scene):
     with pytest.raises(InputError, match="give a Scene"):
         mean_map(scene)
-
-
-@ONE_ORBIT
-@pytest.mark.parametrize("order", [2, 3, 4, 5, 6])
-def test_every_order_is_propagated(dat21, closure, order):
-    m = mean_map(dat21, impacts=3, closure=closure, order=order)
-    assert m.edgeworth(1, 1).a.shape == (order + 1, order + 1)
-    assert m.section.loc[1, "realizable"]
-
-
-def test_breakdown_is_the_first_unrealizable_row():
-    m = mean_map(Scene.from_gears(DAT21, sigma=1.5**0.5), impacts=12, closure="published")
-    realizable = m.section["realizable"].to_numpy()
-    assert realizable[: m.breakdown.impact - 1].all()
-    assert not realizable[m.breakdown.impact - 1]
 
 
 def test_a_table_at_fixed_times_keeps_the_contract(dat21, closure):
