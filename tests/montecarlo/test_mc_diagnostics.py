@@ -3,7 +3,6 @@
 import math
 from dataclasses import replace
 
-import numpy as np
 import pytest
 from mc_checks import dat21, stepped
 
@@ -13,7 +12,7 @@ from rattle.closure import CLOSURES
 from rattle.montecarlo import Record, simulate
 from rattle.montecarlo.branches import search as branches
 from rattle.montecarlo.diagnostics import accuracy, diagnostics
-from rattle.montecarlo.diagnostics.diagnostics import motion_units, orbit_shift
+from rattle.montecarlo.diagnostics.diagnostics import orbit_shift
 from rattle.montecarlo.kernel import block
 from rattle.montecarlo.schemes.step_size import trusted_step
 
@@ -47,19 +46,6 @@ def test_step_that_moves_the_orbit_is_diagnosed_in_sds_of_the_run():
     assert shift == pytest.approx(2.0 * finer, rel=0.3)
 
 
-def test_shift_of_the_orbit_is_the_bias_of_the_mean():
-    """At small noise the measured step bias and that of the orbit are one thing."""
-    found = run(sigma=0.003, dt=0.004)
-    beside = run(sigma=0.003, dt=0.004, record=Record(step_bias=True))
-    unit = motion_units(found.columns, found.scene)
-    rows = beside.step_bias.query("moment == 'mean'")
-    shares = [
-        abs(b) / unit[q][k - 1]
-        for k, q, b in rows[["impact", "quantity", "bias"]].itertuples(index=False)
-    ]
-    assert orbit_shift(found)[0] == pytest.approx(max(shares), rel=0.35)
-
-
 def test_measured_bias_of_the_step_is_said_where_it_matters():
     said, *_ = simulate(
         dat21(0.003), paths=4096, impacts=4, rng=3, scheme=LOCATED, dt=0.004
@@ -68,14 +54,6 @@ def test_measured_bias_of_the_step_is_said_where_it_matters():
     assert not simulate(
         dat21(0.5), paths=16_384, impacts=2, rng=3, scheme=LOCATED, dt=0.001
     ).diagnostics
-
-
-def test_impacts_seen_at_the_end_of_a_step_are_diagnosed_as_late():
-    found = run(sigma=3.0, scheme=PLAIN, dt=0.03)
-    shift, where = orbit_shift(found)
-    late = 0.5 * 0.03 * np.arange(1, 5) / motion_units(found.columns, found.scene)["tau"]
-    assert shift >= late.max() > 0.05
-    assert where.startswith("tau at impact")
 
 
 def test_strong_noise_is_diagnosed_where_the_step_cannot_follow_it():
@@ -96,24 +74,6 @@ def test_sticking_after_the_last_impact_is_no_fault_of_the_section():
     assert not any("stayed closed" in said for said in quick.diagnostics)
     assert timed.sticking_steps > 0
     assert any("a mesh stayed closed" in said for said in timed.diagnostics)
-
-
-UNMEASURED = Record(step_bias=False)
-
-
-def test_no_step_is_advised_that_nobody_can_take():
-    """Wheels that do not rebound leave their wall with no speed: the noise returns them within any
-    step."""
-    for epsilon in (0.0, 1e-9):
-        lines = simulate(
-            replace(dat21(0.1), epsilon=epsilon),
-            paths=8,
-            impacts=2,
-            scheme=PLAIN,
-            record=UNMEASURED,
-        ).diagnostics
-        assert any("take exact-flight" in line and "may bias moments" in line for line in lines)
-        assert not any("would do" in line for line in lines)
 
 
 def test_few_paths_and_a_horizon_that_nobody_reaches_are_diagnosed_without_a_warning():

@@ -79,13 +79,6 @@ def test_fixed_times_have_the_rows_asked_for_and_the_columns_of_the_contract(run
     )
 
 
-def test_correlations_and_errors_at_fixed_times_are_those_of_the_covariance(run):
-    t = run.at_times()
-    assert np.allclose(t.rho1, t.cov_x1_y1 / np.sqrt(t.cov_x1_x1 * t.cov_y1_y1), rtol=1e-12)
-    for name in STATE:
-        assert np.allclose(t[f"se_{name}"], np.sqrt(t[f"cov_{name}_{name}"] / 3000), rtol=1e-12)
-
-
 def test_fixed_time_that_was_not_recorded_is_refused(run):
     with pytest.raises(
         InputError, match=r"times = 1.5: was not recorded; give it to simulate: record=Record"
@@ -210,13 +203,6 @@ def test_histogram_counts_the_kept_paths(run, quantity):
         expected, _ = np.histogram(kept, edges)
         off = np.abs(np.diff(edges) * density * kept.size - expected)
         assert off.sum() <= 4.0  # values on an edge, which rounding may put on either side
-
-
-def test_paths_histograms_and_times_are_kept_only_if_asked_for(run):
-    assert run.raw.shape == (3000, IMPACTS, 7)
-    bare = simulate(dat21(0.1), paths=2, impacts=1)
-    assert (bare.histograms, bare.raw) == (None, None)
-    assert bare.at_times().empty
 
 
 def test_section_of_partly_finished_run_is_over_the_paths_that_got_there():

@@ -174,10 +174,6 @@ def moment_scores(z, powers=range(1, 9)):
 PLANTED_MOMENTS = {
     "mean": lambda z: z + 0.02,
     "variance": lambda z: 1.02 * z,
-    "third moment": lambda z: (z + 0.02 * (z**2 - 1.0)) / np.sqrt(1.0008),
-    "fourth moment": lambda z: (
-        np.random.default_rng(1).standard_t(30, z.shape) / np.sqrt(30.0 / 28.0)
-    ),
     "eighth moment": lambda z: np.where(
         np.abs(z) > 3.0, np.sign(z) * (3.0 + 1.3 * (np.abs(z) - 3.0)), z
     ),

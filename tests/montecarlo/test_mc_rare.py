@@ -8,21 +8,16 @@ from statistics import NormalDist
 import numpy as np
 import pandas as pd
 import pytest
-from random_gears import PAIR_A
 
 from rattle.montecarlo import simulate, simulate_rare, simulate_to
 from rattle.montecarlo.branches.choose import choose_mixture
-from rattle.montecarlo.branches.search import BranchSearch
 from rattle.montecarlo.kernel.block import BLOCK
-from rattle.montecarlo.kernel.mixture import mixture_of, tail
 from rattle.montecarlo.kernel.weighted_paths import sample_mixture
-from rattle.montecarlo.settings import NOISE_FREE, plan_of
 from rattle.scene import DAT21, Scene, Tolerance
 
 NOISY = Scene.from_gears(DAT21, sigma=0.1)
 IMPACTS = 4
 PATHS = 32 * BLOCK
-STEP = math.pi / 96
 CHECKED = [
     (k, p + q) for k in range(1, IMPACTS + 1) for q in ("tau", "y1", "y2") for p in ("", "sd_")
 ]
@@ -109,30 +104,3 @@ def test_first_order_is_enough_on_the_scenes_of_the_table():
     assert len(table) >= 5
     off = table["first_order"] - table["near"]
     assert (off.abs() < 0.1 * table["near"]).all()
-
-
-SCENES = {"two stages": (NOISY, 1, -2, 3), "a window far from symmetric": (PAIR_A, 1, -1, 2)}
-
-
-@pytest.mark.parametrize("name", SCENES)
-def test_probability_of_a_branch_near_its_design_point_is_that_of_plain_paths(name):
-    scene, impact, code, impacts = SCENES[name]
-    found = BranchSearch(scene.phase_reduced, impacts, 128, STEP).until(1.0)
-    branch = next(b for b in found.branches if (b.impact, b.mesh * b.side) == (impact, code))
-    plan = plan_of(scene, paths=64 * BLOCK, impacts=impacts, dt=STEP, scheme="exact-flight", rng=3)
-    mixture = mixture_of([branch.shift], [0.5], np.zeros((impacts, 6)), BLOCK)
-    orbit = np.array(plan.itineraries[NOISE_FREE])[:impact]
-    hits = []
-    for b in range(8):
-        rows, weights, _, _ = sample_mixture(plan, mixture, b)
-        off = (rows[:, impact - 1, 6] == code) & (rows[:, : impact - 1, 6] == orbit[:-1]).all(
-            axis=1
-        )
-        hits.append(weights[:, impact - 1] * off)
-    one = np.concatenate(hits)
-    raw = simulate(scene, paths=64 * BLOCK, impacts=impacts, rng=9).result.codes[impact - 1]
-    plain = raw[(1, -1, 2, -2).index(code)] / raw.sum()
-    error = math.hypot(one.std() / math.sqrt(one.size), math.sqrt(plain / raw.sum()))
-    assert abs(one.mean() - plain) < 4.0 * error
-    assert branch.probability == pytest.approx(one.mean(), rel=0.1)
-    assert tail(branch.beta) == pytest.approx(branch.probability)
