@@ -85,19 +85,6 @@ def test_who_waits_for_another_takes_what_it_has_compiled(kept, tmp_path, monkey
 
 
 @COMPILED
-def test_who_waits_too_long_compiles(kept, tmp_path, monkeypatch):
-    monkeypatch.setattr(compiled, "LONGEST_WAIT", 0.05)
-    assert kept(3) == 6
-    (code,) = tmp_path.glob("*.nbc")
-    code.unlink()
-    again = numba.njit(**compiled.OPTIONS)(doubled.py_func)
-    again._cache = kept._cache
-    with FileLock(code.with_suffix(".lock")):
-        assert again(3) == 6
-    assert code.exists()
-
-
-@COMPILED
 def test_locks_are_released_whether_a_function_can_be_compiled_or_not(kept, tmp_path):
     with pytest.raises(numba.TypingError):
         kept({"no": "number"})

@@ -165,11 +165,9 @@ def assert_exact(found, amplitude=0.3, order=1):
     ("quantity", "extra"),
     [
         ("displacement", 80.0 * 30.0 * TIMES),
-        ("displacement", TIMES),
         ("displacement", 5.0 * TIMES**2 - 3.0),
         ("displacement", 2.0 * np.sin(2.0 * TIMES)),
         ("speed", 100.0 * TIMES + 2000.0),
-        ("speed", 90.0 * np.sin(2.0 * TIMES)),
         ("acceleration", 9810.0 + 0.0 * TIMES),
     ],
 )
@@ -181,9 +179,10 @@ def test_what_moves_slowly_is_no_order(quantity, extra):
     assert found.left_out < 1e-3
 
 
-@pytest.mark.parametrize("per_turn", [1, 2])
-@pytest.mark.parametrize("speeds", [(700.0, 900.0), (900.0, 700.0), (300.0, 1200.0)])
-@pytest.mark.parametrize("wrap", [math.inf, 360.0])
+@pytest.mark.parametrize(
+    ("per_turn", "speeds", "wrap"),
+    [(1, (700.0, 900.0), math.inf), (2, (900.0, 700.0), 360.0), (2, (300.0, 1200.0), math.inf)],
+)
 def test_over_the_angle_the_mean_speed_may_change(per_turn, speeds, wrap):
     angle = np.arange(0.0, 360.0 * 60, 2.0)
     speed = np.linspace(*speeds, len(angle)) * (1.0 + 0.02 * np.sin(np.radians(2.0 * angle)))
@@ -203,17 +202,15 @@ def teeth(number=60, turns=100):
     return times
 
 
-@pytest.mark.parametrize("quantity", QUANTITIES)
 @pytest.mark.parametrize(
-    "times",
+    ("quantity", "times"),
     [
-        np.cumsum(2.5e-4 * np.linspace(1.0, 1.03, 8000)),
-        np.cumsum(2.5e-4 * np.linspace(1.0, 2.0, 8000)),
-        TIMES + 2.5e-6 * np.random.default_rng(1).normal(size=8000),
-        np.delete(TIMES, np.arange(5, 8000, 60)),
-        teeth(),
+        ("displacement", np.cumsum(2.5e-4 * np.linspace(1.0, 2.0, 8000))),
+        ("acceleration", TIMES + 2.5e-6 * np.random.default_rng(1).normal(size=8000)),
+        ("acceleration", np.delete(TIMES, np.arange(5, 8000, 60))),
+        ("speed", teeth()),
     ],
-    ids=["growing", "doubling", "jitter", "missing-teeth", "teeth"],
+    ids=["doubling", "jitter", "missing-teeth", "teeth"],
 )
 def test_the_times_are_used_as_they_are(quantity, times):
     found = measure_drive(measure(OMEGA2, SINE, times, quantity=quantity), omega=OMEGA2)
@@ -221,11 +218,16 @@ def test_the_times_are_used_as_they_are(quantity, times):
     assert abs(found.amplitude - 0.3) < max(10.0 * found.table["se_mm"][0], 1e-7)
 
 
-@pytest.mark.parametrize("quantity", QUANTITIES)
 @pytest.mark.parametrize(
-    ("order", "cycle"), [(0.5, 2), (1.5, 2), (1 / 3, 3), (2 / 3, 3), (1.25, 4)]
+    ("quantity", "order", "cycle", "ratio"),
+    [
+        ("displacement", 0.5, 2, 0.0),
+        ("speed", 1.5, 2, 0.02),
+        ("acceleration", 1 / 3, 3, 0.0),
+        ("displacement", 2 / 3, 3, 0.02),
+        ("speed", 1.25, 4, 0.0),
+    ],
 )
-@pytest.mark.parametrize("ratio", [0.0, 0.02])
 def test_an_order_between_whole_ones_is_named_and_no_noise(quantity, order, cycle, ratio):
     power = QUANTITIES.index(quantity)
     size = 0.1 if ratio else 0.02
@@ -253,8 +255,14 @@ def test_noise_that_alternates_is_said():
 
 
 @pytest.mark.parametrize("power", [0, 1, 2])
-@pytest.mark.parametrize("rows", [[4000], [100, 900, 4000, 5000, 7000], [4000, 4001, 4002]])
-@pytest.mark.parametrize(("ratio", "jump"), [(0.0, 1.5), (0.02, 1.5), (0.0, 0.05), (0.0, 1e6)])
+@pytest.mark.parametrize(
+    ("rows", "ratio", "jump"),
+    [
+        ([4000], 0.02, 1.5),
+        ([100, 900, 4000, 5000, 7000], 0.0, 0.05),
+        ([4000, 4001, 4002], 0.0, 1e6),
+    ],
+)
 def test_bad_samples_are_named_and_decide_nothing(power, rows, ratio, jump):
     spikes = np.zeros(len(TIMES))
     spikes[rows] = jump * SWING[power]
@@ -295,11 +303,13 @@ def drifting(power, ratio, wave, seed=1):
     )
 
 
-@pytest.mark.parametrize("power", [0, 1, 2])
-@pytest.mark.parametrize("ratio", [0.0, 0.03])
 @pytest.mark.parametrize(
-    "wave",
-    [0.005 * (TIMES - 1.0), 0.005 * np.sin(math.pi * TIMES), 0.02 * (TIMES - 1.0)],
+    ("power", "ratio", "wave"),
+    [
+        (0, 0.03, 0.005 * (TIMES - 1.0)),
+        (1, 0.0, 0.005 * np.sin(math.pi * TIMES)),
+        (2, 0.03, 0.02 * (TIMES - 1.0)),
+    ],
     ids=["ramp", "swing", "2%"],
 )
 def test_a_drifting_frequency_is_no_noise(power, ratio, wave):

@@ -111,7 +111,7 @@ def test_which_meshes_stay_closed_is_the_only_combination_that_can():
     """Among all four: every contact pushes, and every mesh left open accelerates away."""
     rng = np.random.default_rng(3)
     counts = dict.fromkeys(itertools.product((False, True), repeat=2), 0)
-    for _ in range(2000):
+    for _ in range(400):
         b1, b2, g1, g2 = rng.uniform(0.0, 1.0, 4)
         c = Scene(
             alpha=1.0,
@@ -136,7 +136,7 @@ def test_which_meshes_stay_closed_is_the_only_combination_that_can():
                 able.append(sides)
         assert able == [find_sticking(c, tau, 0.0, 0.0, tuple(at))]
         counts[able[0][0] != 0, able[0][1] != 0] += 1
-    assert min(counts.values()) > 50
+    assert min(counts.values()) > 10
 
 
 def test_two_meshes_that_throw_each_other_back_stick_though_never_on_their_walls_at_one_instant():

@@ -190,12 +190,6 @@ def test_only_a_fixed_tolerance_moves_the_orbits_walls(distribution, wall1):
 MINIMAL = "alpha = 1.5\nepsilon = 0.9\nbeta1 = 0.1\ngamma1 = 0.0\nmu = 0.5\n"
 
 
-def test_a_minimal_scene_takes_the_defaults():
-    assert Scene.from_toml("[scene]\n" + MINIMAL) == Scene(
-        alpha=1.5, epsilon=0.9, beta1=0.1, gamma1=0.0, mu=0.5
-    )
-
-
 @pytest.mark.parametrize(
     ("text", "words"),
     [
@@ -235,13 +229,6 @@ def test_toml_refuses_in_words(text, words):
 def test_broken_toml_is_a_file_error_that_says_where(text):
     with pytest.raises(FileError, match=r"line \d+|end of document"):
         Scene.from_toml(text)
-
-
-def test_a_scene_is_loaded_from_its_file(tmp_path):
-    scene = Scene.from_gears(DAT21, sigma=0.3, tolerance=Tolerance(0.01))
-    path = tmp_path / "scene.toml"
-    path.write_text(scene.to_toml(), encoding="utf-8")
-    assert repr(Scene.load(path)) == repr(Scene.load(str(path))) == repr(scene)
 
 
 NAMES = {"DAT21": DAT21, "Gears": Gears, "Scene": Scene, "Start": Start, "Tolerance": Tolerance}
