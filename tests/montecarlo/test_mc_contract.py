@@ -150,19 +150,6 @@ class TestScheme:
 
     # --- paths and tables
 
-    def test_agreement_is_a_share_that_never_grows(self, scheme):
-        orbit = orbit_of(dat21(), 8)[:, 5].astype(int).tolist()
-        run = self.run(
-            scheme, dat21(0.5), impacts=8, itineraries={"orbit": orbit, "never": [0] * 8}
-        )
-        shares = run.agreement.to_numpy()
-        assert ((shares >= 0.0) & (shares <= 1.0)).all()
-        assert (np.diff(shares, axis=0) <= 0.0).all()
-        assert run.agreement["orbit"].equals(run.agreement["noise-free"].rename("orbit"))
-        assert (run.agreement["never"] == 0.0).all()
-        assert 0.0 < run.section.agreement[8] < 1.0
-        assert self.run(scheme, dat21(1e-4), impacts=8).section.agreement[8] == 1.0
-
     def test_single_stage_is_the_first_stage_of_a_pair_whose_second_never_touches(self, scheme):
         values = {
             n: getattr(dat21(), n)

@@ -16,7 +16,6 @@ from rattle.montecarlo.noise import philox as module
 from rattle.montecarlo.noise.philox import (
     STEP,
     Key,
-    fill_normals,
     key_of,
     normals,
 )
@@ -128,20 +127,6 @@ def test_normals_of_extreme_and_common_words_are_those_of_the_c_library():
     lows = lows + [12345] * len(powers) + common[1]
     assert furthest_pair(highs, lows) < CLOSE
     assert furthest_pair(highs, lows, fault=1.0 + 1e-9) > CLOSE
-
-
-def test_filled_normals_are_those_of_the_single_function_bit_for_bit():
-    """Whatever the number of lanes and the order of the paths in them: vector and scalar code are
-    one."""
-    key = key_of(np.random.SeedSequence(3))
-    rng = np.random.default_rng(1)
-    for lanes in (1, 7, 8, 100):
-        paths = rng.permutation(1000)[:lanes].astype(np.uint64)
-        z = np.zeros((5, 104))
-        fill_normals(key, paths, U(11), lanes, z)
-        expected = np.array([normals(key, p, U(11), U(STEP)) for p in paths]).T
-        assert np.array_equal(z[:4, :lanes], expected)
-        assert (z[:, lanes:] == 0.0).all()
 
 
 @jit
