@@ -2,9 +2,7 @@
 changes."""
 
 import functools
-import importlib
 import pickle
-import sys
 from dataclasses import replace
 
 import numpy as np
@@ -268,30 +266,6 @@ def test_its_times_are_those_of_the_scene_that_it_was_given(tau):
     assert local == pytest.approx([late.phase + 0.6, late.phase + 1.1], abs=1e-12)
     assert own.at_times([tau + 0.3])["x1"].tolist() == pytest.approx([tau + 0.3])
     assert seen == pytest.approx([tau, tau, tau + 0.3])
-
-
-HELPER = (
-    "def helper(x):\n    return {}\n\ndef mine(scene, impacts):\n    return [helper(k) for k in"
-    " range(impacts)]\n"
-)
-
-
-def test_its_digest_is_that_of_the_code_in_memory_after_its_source_was_edited(
-    tmp_path, monkeypatch
-):
-    monkeypatch.syspath_prepend(tmp_path)
-    source = tmp_path / "edited.py"
-    before = HELPER.format("x")
-    after = HELPER.format("x + 1")
-    source.write_text(before)
-    function = find_closure("closure", "edited:mine").function
-    source.write_text(after)
-    told = Closure("mine", function).digest
-    monkeypatch.delitem(sys.modules, "edited")
-    importlib.invalidate_caches()
-    imported = find_closure("closure", "edited:mine")
-    assert imported.function(None, 1) == [1]
-    assert told != Closure("mine", imported.function).digest
 
 
 def test_its_digest_changes_with_the_values_that_it_is_made_with_and_with_nothing_else():

@@ -22,37 +22,34 @@ from rattle.scene import STATE
 )
 @pytest.mark.parametrize("theta", [0.05, 1.0])
 def test_without_walls_the_covariance_is_that_of_the_linear_system(scheme, theta):
-    start = Start(0.0, 0.0, 1.0, 0.0, 1.0)
-    wide = {"gap1": 1e5, "gap2": 1e5}
-    numbers = {
-        "alpha": 1.0,
-        "epsilon": 0.9,
-        "beta1": 0.1,
-        "beta2": 0.4,
-        "gamma1": 0.05,
-        "mu": 0.6,
-        "sigma": 0.5,
-    }
-    scene = Scene(**numbers, **wide, correlation_time=theta, drive=ORDERS, start=start)
-    dt = 5e-3
-    paths = 20_480
-    until = 1.0
-    settings = {"record": Record(times=[until]), "sampling": Sampling(horizon=1.1), "rng": 5}
-    run = simulate(scene, paths=paths, impacts=1, dt=dt, scheme=scheme, **settings)
+    scene = Scene(
+        alpha=1.0,
+        epsilon=0.9,
+        beta1=0.1,
+        beta2=0.4,
+        gamma1=0.05,
+        mu=0.6,
+        sigma=0.5,
+        gap1=1e5,
+        gap2=1e5,
+        correlation_time=theta,
+        drive=ORDERS,
+        start=Start(0.0, 0.0, 1.0, 0.0, 1.0),
+    )
+    given = {"paths": 20_480, "impacts": 1, "dt": 5e-3, "scheme": scheme, "rng": 5}
+    sampling = Sampling(horizon=1.1)
+    run = simulate(scene, record=Record(times=[1.0]), sampling=sampling, **given)
     names = [f"cov_{a}_{b}" for i, a in enumerate(STATE) for b in STATE[i:]]
-    upper = np.triu_indices(4)
-    found = run.at_times()[names].to_numpy()[0]
-    exact = _covariance(scene, until)
-    se = np.sqrt((np.outer(np.diag(exact), np.diag(exact)) + exact**2) / paths)[upper]
-    bias = 0.0 if scheme == "exact-flight" else 0.02 * np.abs(exact)[upper]  # of the Euler step
-    assert (np.abs(found - exact[upper]) - bias < 5.0 * se).all()
-    longer = _covariance(replace(scene, correlation_time=3.0 * theta), until)
-    assert (np.abs(found - longer[upper]) > 5.0 * se).any()
-
-
-def _covariance(scene, t):
+    sampled = run.at_times()[names].to_numpy()[0]
+    se = run.at_times()[[f"se_{name}" for name in names]].to_numpy()[0]
     box = two_stages(scene.constants, scene.drive)
-    return box.covariance(0.0, np.zeros((4, 4)), t, scene.correlation_time)
+    exact, wrong = (
+        box.covariance(0.0, np.zeros((4, 4)), 1.0, memory)[np.triu_indices(4)]
+        for memory in (theta, 3.0 * theta)
+    )
+    bias = 0.0 if scheme == "exact-flight" else 0.02 * np.abs(exact)  # of the Euler step
+    assert (np.abs(sampled - exact) - bias < 5.0 * se).all()
+    assert (np.abs(sampled - wrong) > 5.0 * se).any()
 
 
 @pytest.mark.parametrize("drive", [(Order(1),), ORDERS])

@@ -76,29 +76,6 @@ def test_an_orbit_that_ends_leaves_later_impacts_unknown():
     assert found.why
 
 
-def test_one_search_serves_all_probabilities(monkeypatch):
-    """Whatever is asked for first, no flight is searched twice, and the answers are those of
-    searches of their own."""
-    flights = []
-    one = branches.events
-    monkeypatch.setattr(branches, "events", lambda flight: flights.append(flight) or one(flight))
-    scene = Scene.from_gears(DAT21, sigma=0.1).phase_reduced
-    wanted = [2.0**-k for k in (9, 2, 12, 8)]
-    search = BranchSearch(scene, 12)
-    found = [[b.probability for b in search.until(least).branches] for least in wanted]
-    together = len(flights)
-    apart = []
-    for least in wanted:
-        flights.clear()
-        apart.append([b.probability for b in rare_events(scene, 12, least).branches])
-        assert len(flights) <= together
-    assert found == apart
-    assert len({len(b) for b in found}) > 1
-    flights.clear()
-    rare_events(scene, 12, min(wanted))
-    assert together == len(flights)
-
-
 @pytest.mark.slow
 def test_the_search_is_bounded_whatever_the_number_of_impacts(monkeypatch):
     """It took 45 seconds of an answer whose budget was 2; beyond what is searched, branches count
