@@ -1,19 +1,17 @@
 """Bad input leads to one of our errors that names it, or to an answer.
 
-Scenes with one thing wrong in them, settings and texts, always the same.
+Settings and texts with something wrong in them, always the same.
 """
 
 import math
 from decimal import Decimal
 from fractions import Fraction
 from functools import partial
-from itertools import count
 
 import numpy as np
 import pytest
 from commands import study
-from fuzz_must import finite, refused
-from fuzz_plan import built, job
+from fuzz_must import refused
 from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 from settings import recorded
@@ -84,67 +82,6 @@ BAD = st.sampled_from(
     ]
 )
 """What nothing here takes, and numbers that one field takes and another does not."""
-FIELDS = {
-    "scene": (
-        "alpha",
-        "epsilon",
-        "beta1",
-        "beta2",
-        "gamma1",
-        "gamma2",
-        "mu",
-        "gap1",
-        "gap2",
-        "sigma",
-        "stages",
-    ),
-    "start": ("tau", "x1", "y1", "x2", "y2", "mesh"),
-    "tolerance": ("c1_max", "c2_max", "distribution", "draw"),
-    "gears": (
-        "alpha",
-        "epsilon",
-        "omega",
-        "inertia1",
-        "radius2",
-        "backlash1",
-        "damping2",
-        "torque1",
-    ),
-}
-
-
-@st.composite
-def spoilt_scenes(draw):
-    """A scene with one thing wrong or doubtful in it, and the name of that."""
-    drawn = draw(st.integers(0, 10**6))
-    data = next(data for number in count(drawn) if built(data := job(1, number, "scene")[1]))
-    part = draw(st.sampled_from([*FIELDS, "key", "table"]))
-    if part == "key":
-        draw(st.sampled_from([data, data["scene"]]))[
-            draw(st.sampled_from(["alhpa", "x" * 5000, "", "é", 5]))
-        ] = 1.0
-        return data, ""
-    name = draw(st.sampled_from([*FIELDS] if part == "table" else FIELDS[part]))
-    if part == "table":
-        table = data if name in ("scene", "gears") else data["scene"]
-    elif part == "scene":
-        table = data["scene"]
-    else:
-        table = (data if part == "gears" else data["scene"]).setdefault(part, {})
-    table[name] = draw(BAD)
-    return data, name
-
-
-@tried(spoilt=spoilt_scenes(), inputs=200)
-def test_bad_scenes_are_refused_by_name(spoilt):
-    data, name = spoilt
-    try:
-        scene = Scene.from_dict(data)
-    except InputError as error:
-        refused(error, name if error.field not in ("scene", "gears") else "")
-        return
-    assert Scene.from_toml(scene.to_toml()) == scene
-    assert finite(scene)
 
 
 CALLS = {

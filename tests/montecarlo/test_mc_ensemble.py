@@ -8,12 +8,10 @@ from mc_checks import stepped as simulate
 from scipy import stats
 
 from rattle import Sampling
+from rattle.closure import follow
 from rattle.montecarlo import Record
 from rattle.montecarlo import simulate as simulate_exactly
-from rattle.montecarlo.kernel.block import BLOCK
-from rattle.montecarlo.statistics.records import RUN_BATCHES
 from rattle.scene import InputError
-from rattle.scene.orbit import follow
 
 SECTION = ("tau", "flight", "x1", "y1", "x2", "y2")
 STATE = SECTION[2:]
@@ -179,17 +177,18 @@ def test_too_few_paths_tell_no_error():
         assert np.isfinite(bias[["se_bias", "se_corrected"]].loc["sd"]).all() == (n >= 3)
 
 
-def test_batches_are_the_paths_of_their_blocks():
+def test_batches_are_parts_of_the_run():
     run = simulate_exactly(
-        dat21(0.2), paths=34 * BLOCK + 5, impacts=3, rng=1, record=Record(raw=True, batches=True)
+        dat21(0.2), paths=34_821, impacts=3, rng=1, record=Record(raw=True, batches=True)
     )
-    for b in (0, 1, 2, 31):
-        own = np.concatenate(
-            [run.raw[i * BLOCK : (i + 1) * BLOCK, :, :6] for i in range(b, 35, RUN_BATCHES)]
-        )
-        assert (run.batches.n[b] == len(own)).all()
-        np.testing.assert_allclose(run.batches.mean[b], own.mean(axis=0), rtol=1e-12, atol=1e-12)
-        np.testing.assert_allclose(run.batches.sd[b], own.std(axis=0), rtol=1e-9, atol=1e-12)
+    batches = run.batches
+    first = run.raw[:1024, :, :6]
+    others = np.concatenate([first, run.raw[32 * 1024 : 33 * 1024, :, :6]])
+    assert (batches.n[0] == len(others)).all()
+    np.testing.assert_allclose(batches.mean[0], others.mean(axis=0), rtol=1e-12, atol=1e-12)
+    np.testing.assert_allclose(batches.sd[0], others.std(axis=0), rtol=1e-9, atol=1e-12)
+    whole = (batches.n * batches.mean).sum(axis=0) / batches.n.sum(axis=0)
+    np.testing.assert_allclose(whole, run.section[[*SECTION]], rtol=1e-12, atol=1e-12)
 
 
 def test_energy_is_what_each_impact_takes():

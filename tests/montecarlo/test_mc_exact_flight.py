@@ -17,7 +17,6 @@ from mc_checks import (
 
 from rattle import Sampling
 from rattle.montecarlo import Record, largest_step, simulate
-from rattle.montecarlo.schemes.crossing import CLOSE_TO_WALL
 from rattle.scene import Start, Tolerance
 
 EXACT = "exact-flight"
@@ -130,8 +129,8 @@ def test_paths_that_stick_where_the_noise_vanishes_stay_within_the_gap(scene):
     raw = run.raw[np.isfinite(run.raw[:, :, 0])]
     assert len(raw) > 50_000
     assert np.isfinite(raw).all()
-    assert np.abs(raw[:, 2]).max() <= scene.gap1 * (1.0 + 2.0 * CLOSE_TO_WALL) + c1
-    assert np.abs(raw[:, 4]).max() <= scene.gap2 * (1.0 + 2.0 * CLOSE_TO_WALL) + c2
+    assert np.abs(raw[:, 2]).max() <= scene.gap1 * (1.0 + 1e-9) + c1
+    assert np.abs(raw[:, 4]).max() <= scene.gap2 * (1.0 + 1e-9) + c2
 
 
 @pytest.mark.parametrize(

@@ -5,9 +5,9 @@ from dataclasses import replace
 
 import pytest
 
+from rattle.closure import follow
 from rattle.montecarlo import Record, simulate
 from rattle.scene import Scene, Start
-from rattle.scene.orbit import follow
 
 
 def both_walls_at(time, gap1=0.5, gap2=1.7):

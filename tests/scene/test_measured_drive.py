@@ -245,15 +245,6 @@ def test_an_order_between_whole_ones_is_named_and_no_noise(quantity, order, cycl
         assert found.left_out == pytest.approx(0.02 * order**2 / 0.3, rel=0.02)
 
 
-def test_noise_that_alternates_is_said():
-    """An order that repeats after no few periods: the periods correlate, and no half order is
-    claimed."""
-    extra = 0.02 * np.sin(0.5377 * OMEGA2 * TIMES)
-    found = measure_drive(measure(OMEGA2, SINE, TIMES, extra=extra), omega=OMEGA2)
-    assert found.memory < -0.5
-    assert "something alternates" in found.answer[-1]
-
-
 @pytest.mark.parametrize("power", [0, 1, 2])
 @pytest.mark.parametrize(
     ("rows", "ratio", "jump"),

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from rattle.scene import DAT21, FileError, Gears, InputError, Scene, Start, Tolerance
-from rattle.scene.units import in_units
 
 VALUES = {
     "alpha": 1.5,
@@ -260,23 +259,6 @@ def test_one_unit_of_dat21():
     assert (time, length, speed) == (pytest.approx(1000.0 / 300.0), 0.2, pytest.approx(60.0))
     rim_mass = 4000e-6 / 0.041**2  # kg
     assert energy == pytest.approx(1e3 * rim_mass * 0.060**2)  # mJ
-
-
-def test_columns_in_physical_units():
-    values = {"tau": 3.0, "sd_x1": 0.5, "se_sd_y2": 0.1, "skew_y2": 1.0}
-    columns = {name: np.array([value]) for name, value in values.items()}
-    found = in_units(columns | {"flight": np.array([2.0])}, DAT21, "physical")
-    assert {name: value.item() for name, value in found.items()} == pytest.approx(
-        {
-            "tau_ms": 10.0,
-            "sd_x1_mm": 0.1,
-            "se_sd_y2_mm_per_s": 6.0,
-            "skew_y2": 1.0,
-            "flight_ms": 20 / 3,
-            "impacts_per_s": 150.0,
-        }
-    )
-    assert in_units(columns, None, "dimensionless") == columns
 
 
 def test_an_error_keeps_its_place_between_processes():
