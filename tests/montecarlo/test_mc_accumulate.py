@@ -75,26 +75,6 @@ def test_standard_error_of_fisher_z_has_the_size_it_claims(kind):
     )  # 1 / sqrt(n) is for Gaussian pairs alone
 
 
-def test_a_correlation_is_left_out_where_the_product_of_variances_is_no_float():
-    a, b = np.random.default_rng(2).standard_normal((2, 100, 1))
-    s = pair_statistics(central_sums(1e-90 * a, 1e-80 * b, PAIR))
-    assert s["cov"] != 0.0
-    assert np.isnan([s["rho"], s["se_rho"], s["se_z"]]).all()
-
-
-@pytest.mark.parametrize("value", [0.5, 0.1, 0.7, -0.3, 1e-3])
-@pytest.mark.parametrize("parts", [1, 3])
-def test_what_does_not_vary_has_no_spread_and_no_skewness(value, parts):
-    a = np.full((1000, 1), value)
-    total = central_sums(a, a, SINGLE)
-    for _ in range(parts - 1):
-        total = total.merge(central_sums(a, a, SINGLE))
-    s = single_statistics(total)
-    assert s["sd"] == 0.0
-    assert np.isnan(s["skew"])
-    assert np.isnan(s["kurt"])
-
-
 SAMPLES = 2000
 PATHS = 256
 

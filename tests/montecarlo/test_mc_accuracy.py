@@ -168,12 +168,3 @@ def test_a_drawn_backlash_without_noise_is_random(distribution):
     assert (run.section["paths"] == run.paths).all()
     assert run.section["agreement"].between(0.0, 1.0).all()
     assert 0.0 < run.section.loc[2, "se_tau"] <= 0.05 * run.section.loc[2, "sd_tau"]
-    whole = simulate(
-        scene,
-        paths=run.paths,
-        dt=run.dt,
-        impacts=2,
-        scheme=run.scheme,
-        sampling=Sampling(control=True),
-    )
-    np.testing.assert_array_equal(whole.section, run.section)

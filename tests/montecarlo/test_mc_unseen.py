@@ -1,19 +1,12 @@
 """What a sample cannot have seen: rare branches are found, counted, and leave a verdict open."""
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 from random_gears import PAIR_B
 
-from rattle import Tolerances
-from rattle.compare.validation import errors
-from rattle.compare.validation.errors import section_errors
-from rattle.montecarlo import simulate
+from rattle import Closure, validate
 from rattle.montecarlo.branches import search as branches
 from rattle.montecarlo.branches.search import BranchSearch, rare_events
-from rattle.montecarlo.diagnostics.unseen import Unseen
-from rattle.montecarlo.looks import widest
 from rattle.scene import DAT21, Scene
 
 PROBABILITY = 7.9e-6
@@ -31,28 +24,15 @@ def test_a_rare_branch_has_the_probability_and_the_size_that_eight_million_paths
     assert 0.2 < share < 0.5  # 0.34 by the kurtosis
 
 
-def _verdict(monkeypatch, bounded):
-    run = simulate(PAIR_B, paths=32_768, impacts=2, scheme="exact-flight", rng=0)
-    truth = run.section.copy()
-    truth.loc[2, "sd_y2"] = SD
-    if not bounded:
-        nil = np.zeros((2, 6))
-        monkeypatch.setattr(errors, "unseen", lambda *_: Unseen(nil, nil, nil, nil, nil, nil, 2))
-    table = section_errors(
-        [SimpleNamespace(closure="exact", section=truth)], run, widest(48), Tolerances()
-    )
-    return table.query("impact == 2 and quantity == 'y2' and moment == 'sd'").iloc[0]
-
-
-def test_an_exactly_right_sd_is_not_called_inaccurate_for_want_of_paths(monkeypatch):
-    row = _verdict(monkeypatch, True)
-    assert row["verdict"] == "undecided"
-    assert "8 in a million" in row["remark"]
-    assert row["paths_needed"] == pytest.approx(10.0 / PROBABILITY, rel=0.5)
-
-
-def test_negative_control_without_the_bound_it_is(monkeypatch):
-    assert _verdict(monkeypatch, False)["verdict"] == "inaccurate"
+@pytest.mark.parametrize(("factor", "verdict"), [(1.0, "accurate"), (0.81, "inaccurate")])
+def test_an_sd_is_judged_with_the_rare_branch_that_carries_a_third_of_its_variance(factor, verdict):
+    """Negative control: the sd of all other paths."""
+    closure = Closure("mine", lambda scene, impacts: {"sd_y2": [np.nan, factor * SD]})
+    given = {"paths": 32_768, "impacts": 2, "scheme": "exact-flight", "rng": 0}
+    table = validate(PAIR_B, closures=(closure,), **given).table
+    section = table.query("kind == 'section' and impact == 2")
+    (row,) = section.query("quantity == 'y2' and moment == 'sd'").to_dict("records")
+    assert row["verdict"] == verdict
 
 
 def test_where_no_other_event_is_near_nothing_is_counted():

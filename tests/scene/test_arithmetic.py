@@ -9,7 +9,6 @@ import pytest
 
 from rattle.scene.compiled import emulate_fma, fma, jit, widest_vectors
 from rattle.scene.elementary import exponentials
-from rattle.scene.linear_algebra import eigen
 
 MOST = 1.7976931348623157e308
 LEAST = 5e-324
@@ -82,15 +81,3 @@ def test_exponentials_are_those_of_the_c_library_to_the_last_bit(given):
     found = exponentials(given)
     assert found.shape == np.shape(given)
     np.testing.assert_array_equal(found.ravel(), [math.exp(x) for x in np.ravel(given)])
-
-
-def test_small_eigenvalues_keep_their_relative_accuracy():
-    sizes = np.array([1e-6, 1e-12, 1.0])
-    correlation = np.array([[1.0, 0.3, 0.2], [0.3, 1.0, -0.4], [0.2, -0.4, 1.0]])
-    others = correlation[np.ix_([0, 2], [0, 2])]
-    smallest = sizes[1] ** 2 * (
-        1.0 - correlation[1, [0, 2]] @ np.linalg.solve(others, correlation[[0, 2], 1])
-    )
-    matrix = sizes[:, None] * correlation * sizes
-    assert eigen(matrix)[0][0] == pytest.approx(smallest, rel=1e-10, abs=0.0)
-    assert np.linalg.eigvalsh(matrix)[0] != pytest.approx(smallest, rel=0.1, abs=0.0)
