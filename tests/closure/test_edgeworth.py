@@ -3,10 +3,9 @@ from math import sqrt
 import numpy as np
 import pytest
 from reference_moments import window_shift as shift_of_the_paper
-from scipy.stats import norm
 
 from rattle.closure import Edgeworth
-from rattle.closure.edgeworth import coefficients, mixture_density, normal_mass, window_shift
+from rattle.closure.edgeworth import coefficients, window_shift
 
 
 def mixture_moments(order):
@@ -75,14 +74,3 @@ def test_the_velocity_density_is_the_joint_one_integrated():
     zeta = np.linspace(-4, 4, 33)
     joint = series.density(x[:, None] + 0 * zeta, zeta + 0 * x[:, None]).sum(axis=0) * (x[1] - x[0])
     assert series.velocity_density(zeta) == pytest.approx(joint, rel=0, abs=1e-14)
-
-
-def test_densities_and_distant_masses_are_the_normal_distribution_s():
-    assert normal_mass(10.0, 40.0) == pytest.approx(norm.sf(10.0), rel=1e-12)
-    shares = np.array([0.3, 0.7])
-    means = np.array([0.0, 1.0])
-    sds = np.array([1.0, 0.5])
-    at = np.array([0.4])
-    assert mixture_density(at, shares, means, sds**2) == pytest.approx(
-        shares @ norm.pdf(0.4, means, sds)
-    )
