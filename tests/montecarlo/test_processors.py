@@ -11,6 +11,7 @@ from programs import python
 
 pytestmark = pytest.mark.slow
 
+CASE = "euler-maruyama, driven"
 CASES = Path(__file__).parents[1] / "interpreted" / "cases.py"
 LEVEL_3 = ("avx2", "fma", "bmi", "bmi2", "lzcnt", "popcnt", "f16c", "movbe")
 LEVEL_4 = ("avx512f", "avx512bw", "avx512cd", "avx512dq", "avx512vl")
@@ -49,14 +50,13 @@ def as_on(processor):
 
 def numbers_of(case, **environment):
     """The numbers of a case of the tests of interpreted code, as another process makes them."""
-    return json.loads(python(CASES, *case, **environment).stdout)
+    return json.loads(python(CASES, case, **environment).stdout)
 
 
 @pytest.mark.parametrize("processor", PROCESSORS)
 def test_code_for_another_processor_gives_the_same_bits(processor, tmp_path):
-    """A sampler and a closure: each process compiles all that it needs for itself."""
+    """No more than one sampler, for each process compiles all for itself."""
     if processor == llvmlite.binding.get_host_cpu_name() or not has(PROCESSORS[processor][0]):
         pytest.skip(f"this processor is {processor}, or cannot execute code for it")
-    case = ["euler-maruyama, driven", "flights"]
     environment = {"NUMBA_CACHE_DIR": str(tmp_path)} | as_on(processor)
-    assert numbers_of(case, **environment) == numbers_of(case)
+    assert numbers_of(CASE, **environment) == numbers_of(CASE)

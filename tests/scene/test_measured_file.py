@@ -86,6 +86,7 @@ def with_line(number, text):
             "line 701 = 'time = 0.1': is another step than the others, back from 0.1745 of",
         ),
         ("".join(PLAIN.splitlines(keepends=True)[:100]), "99 samples': is too short"),
+        ("".join(PLAIN.splitlines(keepends=True)[:200]), "periods': is too short"),
         (
             PLAIN.replace("\n".join(PLAIN.splitlines()[50:60]) + "\n", ""),
             "follows a gap of 11 steps",

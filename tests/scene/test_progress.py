@@ -74,7 +74,6 @@ def test_a_simulation_in_a_pipe_says_how_far_it_is_and_its_json_stays_json():
     assert json.loads(done.stdout)["paths"] == 100_000
 
 
-@pytest.mark.slow
 def test_no_bar_is_left_where_an_answer_is_printed_on_a_terminal():
     words = ["simulate", "--sigma", "0.1", "--paths", "100_000", "--impacts", "4"]
     written, seen = on_terminal("-c", RUN.format(words=words))
@@ -88,7 +87,6 @@ def test_no_bar_is_left_where_an_answer_is_printed_on_a_terminal():
     assert not [line for line in seen if "so far" in line]
 
 
-@pytest.mark.slow
 def test_compiling_is_said_by_a_command_in_a_pipe():
     done = python(
         "-c", AT_ONCE + COMPILE.format(package="rattle", how="with speaking('nothing'): twice(1)")
@@ -97,13 +95,11 @@ def test_compiling_is_said_by_a_command_in_a_pipe():
     assert done.stdout == "answer\n"
 
 
-@pytest.mark.slow
 def test_a_program_in_a_pipe_compiles_silently():
     done = python("-c", AT_ONCE + COMPILE.format(package="rattle", how="twice(1)"))
     assert (done.stdout, done.stderr) == ("answer\n", "")
 
 
-@pytest.mark.slow
 def test_a_program_on_a_terminal_shows_that_it_compiles_and_takes_it_away():
     written, seen = on_terminal("-c", AT_ONCE + COMPILE.format(package="rattle", how="twice(1)"))
     assert "compiling for this processor, once" in written
