@@ -6,9 +6,15 @@ counts, their figure and the slowest scenes.
 """
 
 import argparse
+import faulthandler
 import json
+import multiprocessing
 import sys
-from concurrent.futures import ThreadPoolExecutor, as_completed
+import time
+import traceback
+import warnings
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
 from math import log10
 from pathlib import Path
 from typing import Any
@@ -25,9 +31,10 @@ from rattle.compare.report.json_text import json_text
 sys.path.extend(str(Path(__file__).parents[2] / "tests" / folder) for folder in ("helpers", "fuzz"))
 from fuzz_checks import check
 from fuzz_plan import PLAN, job
-from fuzz_watched import BOUND, Watched
 
 CHUNK = 100  # scenes
+# seconds for a scene: 64 sticking paths of ten million steps each take 72
+BOUND = 300.0
 # for every eye
 COLOURS = {
     "complete": "#0072b2",
@@ -47,18 +54,37 @@ def decade(data: dict[str, Any]) -> int:
     return max(-12, min(9, int((log10(min(gaps)) - log10(speed)) // 1))) if speed > 0.0 else 9
 
 
+def answer(entry: str, data: dict[str, Any], settings: dict[str, Any]) -> tuple[str, str, float]:
+    """How an entry point ends, why, and its seconds; a process that needs too long ends itself."""
+    faulthandler.dump_traceback_later(BOUND, exit=True)
+    warnings.simplefilter("error")
+    started = time.process_time()
+    try:
+        ended, why = check(entry, data, settings)
+    except Exception:
+        traceback.print_exc()
+        ended = "defect"
+        why = "broken"
+    faulthandler.cancel_dump_traceback_later()
+    return ended, why, time.process_time() - started
+
+
 def run_chunk(seed: int, chunk: int, place: Path) -> pd.DataFrame:
     """One row a scene: entry, how it ended, why, decade, seconds, the job; kept in a file."""
-    watched = Watched(check)
+    spawn = multiprocessing.get_context("spawn")
+    pool = ProcessPoolExecutor(1, spawn)
     rows = []
     for number in range(CHUNK * chunk, CHUNK * (chunk + 1)):
         entry, data, settings = job(seed, number)
-        found = watched.run(entry, data, settings)
-        ended, why = ("defect", found.ended) if found.defect else (found.ended, found.detail)
-        rows.append([entry, ended, why, decade(data), found.seconds, repr((entry, data, settings))])
-        if found.defect:
-            print(found.ended, rows[-1][-1], found.detail, sep="\n", file=sys.stderr)
-    watched.close()
+        try:
+            ended, why, seconds = pool.submit(answer, entry, data, settings).result()
+        except BrokenProcessPool:
+            ended, why, seconds = "defect", "hung or died", BOUND
+            pool = ProcessPoolExecutor(1, spawn)
+        rows.append([entry, ended, why, decade(data), seconds, repr((entry, data, settings))])
+        if ended == "defect":
+            print(why, rows[-1][-1], sep="\n", file=sys.stderr)
+    pool.shutdown()
     table = pd.DataFrame(rows, columns=["entry", "ended", "why", "decade", "seconds", "job"])
     scratch = place.with_suffix(".part")
     table.to_csv(scratch, index=False)

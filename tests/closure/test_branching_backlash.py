@@ -1,13 +1,13 @@
 """Random backlash in the branching closure: against exact flights, the saltation closure, and
 differences."""
 
-from dataclasses import fields, replace
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
 import pytest
 
-from rattle.closure import mean_map, section_map
+from rattle.closure import mean_map
 from rattle.montecarlo import Record, simulate
 from rattle.scene import DAT21, Scene, Tolerance
 
@@ -64,15 +64,15 @@ def outside(scene, impacts, run):
     """Rows of a prediction that are off by more than allowed: all means and sds except of the
     struck displacement."""
     predicted = mean_map(scene, impacts=impacts, closure="branching").section
-    found = run.section
+    sampled = run.section
     rows = []
     for q in QUANTITIES[: 2 + 2 * scene.stages]:
-        unit = found[f"sd_{q}"]
-        free = found["mesh"].map("x{}".format) != q
+        unit = sampled[f"sd_{q}"]
+        free = sampled["mesh"].map("x{}".format) != q
         for moment, name in (("mean", q), ("sd", f"sd_{q}")):
-            error = (predicted[name] - found[name]).abs() / unit
-            allowed = WITHIN[moment] + LEEWAY * found[f"se_{name}"] / unit
-            rows += [(k, moment, q, error[k]) for k in found.index[free & (error > allowed)]]
+            error = (predicted[name] - sampled[name]).abs() / unit
+            allowed = WITHIN[moment] + LEEWAY * sampled[f"se_{name}"] / unit
+            rows += [(k, moment, q, error[k]) for k in sampled.index[free & (error > allowed)]]
     return rows
 
 
@@ -101,25 +101,12 @@ def test_itinerary_probabilities_against_exact_flights(case):
     np.testing.assert_allclose(expected, run.agreement["orbit"], atol=0.02)
 
 
-def test_negative_controls_are_detected(case, monkeypatch):
-    """A draw that is not renewed (or is), flanks that do not vary, and a start on the wrong side of
-    its flank."""
+def test_negative_controls_are_detected(case):
+    """A draw that is not renewed (or is), and flanks that do not vary."""
     scene, impacts, run = case
     other = {"path": "contact", "contact": "path"}[scene.tolerance.draw]
     assert outside(replace(scene, tolerance=replace(scene.tolerance, draw=other)), impacts, run)
     assert outside(replace(scene, tolerance=None), impacts, run)
-    if scene.tolerance.draw == "path":  # else the side has no effect
-        right = section_map._place(scene)
-        monkeypatch.setattr(section_map, "_place", lambda scene: np.vstack([-right[:5], right[5:]]))
-        assert outside(scene, impacts, run)
-
-
-def test_one_gaussian_in_place_of_the_distribution_is_detected(monkeypatch):
-    """Its tails reach walls that no gear has."""
-    scene, impacts = SCENES["no noise, path, uniform"]
-    run = flown(scene, impacts)
-    monkeypatch.setattr(section_map, "DEVIATION_PIECES", 1)
-    assert outside(scene, impacts, run)
 
 
 @pytest.mark.parametrize("stages", [1, 2])
@@ -141,7 +128,6 @@ def test_rounding_does_not_choose_the_splits(name):
     """Rounding would choose sign and plane of the principal axes of decoupled blocks of a
     covariance."""
     scene, impacts = SCENES[name]
-    scene = Scene(**{f.name: getattr(scene, f.name) for f in fields(scene) if f.init})
     other = replace(scene, alpha=scene.alpha * (1.0 + 4e-16), sigma=scene.sigma * (1.0 + 4e-16))
     one, two = (mean_map(s, impacts=impacts, closure="branching").section for s in (scene, other))
     quantities = [*QUANTITIES, *(f"sd_{q}" for q in QUANTITIES), "agreement"]

@@ -2,14 +2,11 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from oracle import two_stages
 from reference_moments import stage_moments_after_flight
 
 from rattle.closure import follow, mean_map
-from rattle.scene import DAT21, Scene, Start, Tolerance
-from rattle.scene.moments import realizability
+from rattle.scene import DAT21, STATE, Scene, Start, Tolerance
 
 PHI0 = 1 / math.sqrt(2 * math.pi)
 
@@ -60,23 +57,12 @@ def test_covariance_is_that_of_its_own_equation(name):
         assert found[k] == pytest.approx(exact[k], rel=0, abs=1e-9 * abs(exact[k]).max())
 
 
-def mesh_2_with_wrong_sign(impacts):
-    impacts[2][1, 3] *= -1
-    return impacts
-
-
-def mesh_1_everywhere(impacts):
-    return [impacts[1]] * 3
-
-
-@pytest.mark.parametrize("wrong", [mesh_2_with_wrong_sign, mesh_1_everywhere])
-def test_a_wrong_restitution_is_distinguished(wrong):
+def test_a_wrong_restitution_is_distinguished():
+    """That of mesh 1 at every impact."""
     scene = SCENES["DAT21"]
+    exact = covariances(scene, follow(scene, 12), lambda impacts: [impacts[1]] * 3)[12]
     found = mean_map(scene, impacts=12, closure="corrected").trace.covariance[12]
-    assert (
-        abs(covariances(scene, follow(scene, 12), wrong)[12] - found).max()
-        > 0.05 * abs(found).max()
-    )
+    assert abs(exact - found).max() > 0.05 * abs(found).max()
 
 
 @pytest.mark.parametrize("order", [4, 6])
@@ -104,33 +90,6 @@ def test_raw_moments_of_a_stage_are_those_of_their_hierarchy(order):
         )
     assert m.trace.raw[3, 0] == pytest.approx(right, rel=1e-7, abs=1e-10)
     assert abs(wrong - right)[0, 2] > 0.05 * right[0, 2]
-
-
-unit = st.just(0.0) | st.floats(1e-30, 1.0)
-
-
-@given(
-    alpha=st.floats(0.1, 3.0),
-    epsilon=st.floats(0.05, 1.0),
-    beta1=st.floats(0.0, 3.0),
-    beta2=st.floats(0.0, 3.0),
-    gamma1=unit,
-    gamma2=unit,
-    mu=st.floats(0.05, 0.95),
-    gap2=st.floats(0.1, 2.0),
-    sigma=st.floats(1e-3, 3.0),
-    stages=st.sampled_from([1, 2]),
-)
-@settings(deadline=None, max_examples=40, derandomize=True)
-def test_every_covariance_is_realizable(stages, **values):
-    m = mean_map(Scene(**values, stages=stages), impacts=20, closure="corrected")
-    assert m.breakdown is None
-    for k in range(1, m.trace.found + 1):
-        assert realizability(m.trace.covariance[k, :2, :2]).realizable
-        whole = m.trace.covariance[k]
-        assert np.linalg.eigvalsh(whole)[0] >= -1e-12 * whole.max()
-    rho = m.section[["rho1", "rho2"]].to_numpy()
-    assert (abs(rho[~np.isnan(rho)]) <= 1.0 + 1e-9).all()
 
 
 @pytest.mark.parametrize("name", SCENES)
@@ -176,15 +135,12 @@ def test_the_windows_reach_to_the_largest_gap(distribution):
 
 def test_moments_at_fixed_times_tend_to_the_section_moments_at_an_impact():
     m = mean_map(Scene.from_gears(DAT21, sigma=0.05), impacts=6, closure="corrected")
-    rows = m.at_times(m.trace.tau[1:] - 1e-10)
-    for k in range(1, 7):
-        row = rows.iloc[k - 1]
-        cov = m.trace.covariance[k]
-        scale = abs(cov).max()
-        assert row["cov_x1_x1"] == pytest.approx(m.section.loc[k, "sd_x1"] ** 2, abs=1e-8 * scale)
-        assert row["cov_y1_y2"] == pytest.approx(cov[1, 3], abs=1e-8 * scale)
-        assert row["cov_x2_y2"] == pytest.approx(cov[2, 3], abs=1e-8 * scale)
-        assert row["rho1"] == pytest.approx(m.section.loc[k, "rho1"], abs=1e-7)
-        assert row[["x1", "y1", "x2", "y2"]].to_numpy(float) == pytest.approx(
-            m.trace.mean[k], abs=1e-8
-        )
+    row = m.at_times([m.trace.tau[6] - 1e-10]).iloc[0]
+    upper = np.triu_indices(4)
+    names = [f"cov_{STATE[i]}_{STATE[j]}" for i, j in zip(*upper, strict=True)]
+    covariance = m.trace.covariance[6]
+    assert row[names].to_numpy() == pytest.approx(
+        covariance[upper], abs=1e-8 * abs(covariance).max()
+    )
+    assert row[[*STATE]].to_numpy() == pytest.approx(m.trace.mean[6], abs=1e-8)
+    assert row["rho1"] == pytest.approx(m.section.loc[6, "rho1"], abs=1e-7)

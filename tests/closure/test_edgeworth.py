@@ -3,10 +3,9 @@ from math import sqrt
 import numpy as np
 import pytest
 from reference_moments import window_shift as shift_of_the_paper
-from scipy.stats import norm
 
 from rattle.closure import Edgeworth
-from rattle.closure.edgeworth import coefficients, mixture_density, normal_mass, window_shift
+from rattle.closure.edgeworth import coefficients, window_shift
 
 
 def mixture_moments(order):
@@ -52,42 +51,6 @@ def test_the_series_has_the_moments_it_was_made_of(order):
             assert found[n, p] == pytest.approx(raw[n, p], rel=0, abs=1e-12)
 
 
-def test_a_misprinted_coefficient_loses_its_moment():
-    """a_30 over sigma^2 instead of sigma^3 (Eq. 13 as published)."""
-    raw = mixture_moments(4)
-    series = scaled(raw)
-    series.a[3, 0] = raw[3, 0] / (6 * series.sd_x**2)
-    assert abs(grid_moments(series, 4)[3, 0] - raw[3, 0]) > 0.01
-
-
-def test_coefficients_have_their_published_low_orders():
-    raw = mixture_moments(4)
-    sx = sqrt(raw[2, 0])
-    sy = sqrt(raw[0, 2])
-    rho = raw[1, 1] / (sx * sy)
-    a = coefficients(raw, sx, sy)
-    explicit = {
-        (0, 0): 1.0,
-        (1, 0): 0.0,
-        (0, 1): 0.0,
-        (2, 0): 0.0,
-        (0, 2): 0.0,
-        (1, 1): rho,
-        (3, 0): raw[3, 0] / (6 * sx**3),
-        (0, 3): raw[0, 3] / (6 * sy**3),
-        (2, 1): raw[2, 1] / (2 * sx**2 * sy),
-        (1, 2): raw[1, 2] / (2 * sx * sy**2),
-        (4, 0): (raw[4, 0] / sx**4 - 3) / 24,
-        (0, 4): (raw[0, 4] / sy**4 - 3) / 24,
-        (3, 1): (raw[3, 1] / (sx**3 * sy) - 3 * rho) / 6,
-        (1, 3): (raw[1, 3] / (sx * sy**3) - 3 * rho) / 6,
-        (2, 2): (raw[2, 2] / (sx * sy) ** 2 - 1) / 4,
-    }
-    for entry, value in explicit.items():
-        assert a[entry] == pytest.approx(value, rel=1e-12, abs=1e-15)
-    assert a.sum() == pytest.approx(sum(explicit.values()), rel=1e-12)  # and nothing beyond them
-
-
 WINDOWS = [(-0.9, 0.0), (-0.4, 1.5), (0.1, 0.35), (-30.0, 30.0), (-1.3, -0.2)]
 
 
@@ -111,14 +74,3 @@ def test_the_velocity_density_is_the_joint_one_integrated():
     zeta = np.linspace(-4, 4, 33)
     joint = series.density(x[:, None] + 0 * zeta, zeta + 0 * x[:, None]).sum(axis=0) * (x[1] - x[0])
     assert series.velocity_density(zeta) == pytest.approx(joint, rel=0, abs=1e-14)
-
-
-def test_densities_and_distant_masses_are_the_normal_distribution_s():
-    assert normal_mass(10.0, 40.0) == pytest.approx(norm.sf(10.0), rel=1e-12)
-    shares = np.array([0.3, 0.7])
-    means = np.array([0.0, 1.0])
-    sds = np.array([1.0, 0.5])
-    at = np.array([0.4])
-    assert mixture_density(at, shares, means, sds**2) == pytest.approx(
-        shares @ norm.pdf(0.4, means, sds)
-    )

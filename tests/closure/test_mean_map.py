@@ -5,7 +5,6 @@ import pytest
 
 from rattle.closure import CLOSURES, follow, mean_map
 from rattle.scene import DAT21, InputError, Scene, Start
-from rattle.scene.moments import correlation
 
 STATE = ["x1", "y1", "x2", "y2"]
 SECTION = [
@@ -32,7 +31,6 @@ def closure(request):
 
 
 BRANCHING = ["agreement", "discarded", "error_mean", "error_sd", "within"]
-ONE_ORBIT = pytest.mark.parametrize("closure", ["published", "corrected", "saltation"])
 
 
 def test_section_keeps_the_contract(dat21, closure):
@@ -55,15 +53,13 @@ def test_the_section_table_is_consistent(dat21, closure):
     assert set(section["side"].iloc[:found]) <= {1, -1}
     for k in section.index:
         for stage in (1, 2):
-            assert section.loc[k, f"rho{stage}"] == pytest.approx(
-                correlation(m.stage_covariance(k, stage)), nan_ok=True
-            )
-
-
-@pytest.mark.parametrize("closure", ["published", "corrected"])
-def test_the_paper_s_closures_predict_no_sd_of_times(dat21, closure):
-    section = mean_map(dat21, impacts=7, closure=closure).section
-    assert section[["sd_tau", "sd_flight"]].isna().all().all()
+            covariance = m.stage_covariance(k, stage)
+            rho = section.loc[k, f"rho{stage}"]
+            if covariance.diagonal().min() > 0.0:
+                scale = np.sqrt(covariance[0, 0] * covariance[1, 1])
+                assert rho == pytest.approx(covariance[0, 1] / scale)
+            else:
+                assert np.isnan(rho)
 
 
 def test_a_single_stage_leaves_stage_2_empty(closure):
@@ -100,21 +96,6 @@ def test_a_scene_is_needed(scene):
         mean_map(scene)
 
 
-@ONE_ORBIT
-@pytest.mark.parametrize("order", [2, 3, 4, 5, 6])
-def test_every_order_is_propagated(dat21, closure, order):
-    m = mean_map(dat21, impacts=3, closure=closure, order=order)
-    assert m.edgeworth(1, 1).a.shape == (order + 1, order + 1)
-    assert m.section.loc[1, "realizable"]
-
-
-def test_breakdown_is_the_first_unrealizable_row():
-    m = mean_map(Scene.from_gears(DAT21, sigma=1.5**0.5), impacts=12, closure="published")
-    realizable = m.section["realizable"].to_numpy()
-    assert realizable[: m.breakdown.impact - 1].all()
-    assert not realizable[m.breakdown.impact - 1]
-
-
 def test_a_table_at_fixed_times_keeps_the_contract(dat21, closure):
     m = mean_map(dat21, impacts=5, closure=closure)
     times = [0.05, 0.4, 1.0]
@@ -140,14 +121,6 @@ def test_a_closure_that_stops_early_says_why_and_leaves_the_other_rows_empty():
     assert rest[["tau", "x1", "sd_y1", "rho1"]].isna().all().all()
     assert not rest["realizable"].any()
     assert set(m.itinerary[m.trace.found :]) == {0}
-
-
-def test_edgeworth_has_the_moments_of_its_impact(dat21):
-    m = mean_map(dat21, impacts=3)
-    series = m.edgeworth(2, 2)
-    covariance = m.stage_covariance(2, 2)
-    assert (series.sd_x**2, series.sd_y**2) == pytest.approx((covariance[0, 0], covariance[1, 1]))
-    assert series.a[1, 1] == pytest.approx(m.section.loc[2, "rho2"])
 
 
 def test_a_corrected_series_has_the_powers_of_rho_alone(dat21):

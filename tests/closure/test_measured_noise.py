@@ -2,7 +2,6 @@
 sigma does."""
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -111,14 +110,6 @@ def test_a_spectrum_counts_by_its_mean_density():
     assert GEARS.sigma_from(spectrum=sloped) == pytest.approx(flat, rel=1e-14)
     assert GEARS.sigma_from(spectrum=([10.0, 60.0], [level, level])) == pytest.approx(
         flat, rel=1e-14
-    )
-
-
-def test_sigma_is_dimensionless():
-    """Twice as fast in everything, the same motion: sigma stays, as alpha does."""
-    twice = replace(GEARS, omega=2.0 * GEARS.omega)
-    assert twice.sigma_from(rms=0.03, bandwidth=100.0) == pytest.approx(
-        GEARS.sigma_from(rms=0.03, bandwidth=50.0)
     )
 
 

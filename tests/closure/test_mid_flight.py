@@ -2,7 +2,6 @@
 simulation."""
 
 import numpy as np
-import pandas as pd
 import pytest
 from common_scenes import SCENES
 
@@ -11,106 +10,60 @@ from rattle.montecarlo import Record, simulate
 from rattle.scene import STATE
 
 LIMIT = 4.0  # standard errors; of at most 72 moments of a scene, Bonferroni at 0.5 %
-SIGMA = 0.002
-DT = 1e-3
-PATHS = 30_000
-CLEAR = 6.0  # sds of the impact times that must fit between a fixed time and the impacts around it
-SHORT = 100 * DT  # shorter flights have too few steps
-SHIFTED = 10 * DT  # bias of an impact time above which later flights are left out: a near graze
-# relative change by a doubled step above which a moment is left out: an sd near a focus, say
-COARSE = 0.05
+# sds of the impact times that must fit between a fixed time and the impacts around it
+CLEAR = 6.0
+STEP = 5e-3
+SHORT = 10 * STEP  # a fixed time is a whole number of steps, and lies beside the middle of a flight
+SLOW = 0.2  # speed of an impact after which first order in the noise is not enough
+ROUNDED = 1e-3  # of a correlation, by what is of second order: near a focus it is known to 1e-5
 
 
-def middles(orbit, run):
-    """Mid-flight times that all paths reach along the orbit's itinerary, in flight, and well
-    resolved."""
-    sd_tau = run.section["sd_tau"]
-    agreement = run.agreement["noise-free"]
-    shift = (
-        run.step_bias.query("quantity == 'tau' and moment == 'mean'")
-        .set_index("impact")["bias"]
-        .abs()
-    )
+def middles(orbit, section):
+    """Middles of the flights in which all paths follow the orbit, at a distance from impacts."""
     times = []
     for k in range(1, orbit.found + 1):
         half = 0.5 * (orbit.tau[k] - orbit.tau[k - 1])
-        if (
-            agreement.loc[k] < 1.0
-            or half < CLEAR * sd_tau.loc[max(k - 1, 1) : k].max()
-            or shift.loc[k] > SHIFTED
-        ):
+        near = half < CLEAR * section["sd_tau"].loc[max(k - 1, 1) : k].max()
+        if near or section["agreement"].loc[k] < 1.0:
             break
         if 2.0 * half > SHORT:
             times.append(orbit.tau[k] - half)
+        if np.abs(orbit.before[k, 2 * orbit.mesh[k] - 1]) < SLOW:
+            break
     return times
 
 
-def sampled(scene):
-    """Sds and rho of the simulation at mid-flight with standard errors and the change that doubling
-    the step makes."""
+@pytest.fixture(scope="module", params=SCENES)
+def sampled(request):
+    """A scene, and the moments of exact flights in the middle of its flights."""
+    scene = SCENES[request.param](0.002)
     orbit = follow(scene, 12)
-    all_middles = 0.5 * (orbit.tau[1 : orbit.found + 1] + orbit.tau[: orbit.found])
-    record = Record(times=all_middles[all_middles > 4.0 * DT])
-    run = simulate(
-        scene, paths=PATHS, dt=DT, scheme="euler-maruyama-located", rng=5, workers=2, record=record
-    )
-    fixed = run.at_times()
-    coarse = run.result.sums["coarse_fixed"]
-    parts = []
-    for i, name in enumerate(STATE[: 2 * scene.stages]):
-        variance = fixed[f"cov_{name}_{name}"]
-        sd = np.sqrt(variance)
-        doubled = np.sqrt(coarse.moment(*((2, 0), (0, 2))[i % 2])[:, i // 2])
-        se = 0.5 * fixed[f"se_cov_{name}_{name}"] / sd
-        parts.append(
-            pd.DataFrame({"what": name, "value": sd, "se": se, "step": doubled - sd, "unit": sd})
+    settings = {"paths": 30_000, "scheme": "exact-flight", "dt": STEP, "rng": 5}
+    section = simulate(scene, impacts=12, **settings).section
+    record = Record(times=middles(orbit, section))
+    return scene, simulate(scene, impacts=1, record=record, **settings).at_times()
+
+
+def excess(scene, fixed, closure, scale=1.0):
+    """Standard errors by which a closure, its covariances times `scale`, is off."""
+    predicted = mean_map(scene, impacts=12, closure=closure).at_times(fixed.index)
+    worst = []
+    for name in STATE[: 2 * scene.stages]:
+        variance = f"cov_{name}_{name}"
+        worst.append(
+            (scale * predicted[variance] - fixed[variance]).abs() / fixed[f"se_{variance}"]
         )
     for name in ("rho1", "rho2")[: scene.stages]:
-        change = fixed[f"coarse_{name}"] - fixed[name]
-        parts.append(
-            pd.DataFrame(
-                {
-                    "what": name,
-                    "value": fixed[name],
-                    "se": fixed[f"se_{name}"],
-                    "step": change,
-                    "unit": 1.0,
-                }
-            )
-        )
-    table = pd.concat(parts).reset_index()
-    judged = np.abs(table["time"].to_numpy()[:, None] - middles(orbit, run)).min(axis=1) <= 2.0 * DT
-    # false where sds are 0: stage 2 before an impact, damped alike
-    fine = table["step"].abs() < COARSE * table["unit"]
-    return table[judged & fine]
+        off = (predicted[name] - fixed[name]).abs()
+        worst.append((off - ROUNDED) / fixed[f"se_{name}"])
+    still = (fixed["cov_x2_x2"] < 1e-15) & (scene.stages == 2)  # before what stage 1 does to it
+    return np.array(worst)[:, ~still]
 
 
-def excess(table, prediction, scale=1.0):
-    """Standard errors by which a closure, its covariances times `scale`, is beyond what the step
-    size explains."""
-    fixed = prediction.at_times(sorted(set(table["time"])))
-    predicted = pd.concat(
-        [np.sqrt(scale * fixed[f"cov_{name}_{name}"]).rename(name) for name in STATE]
-        + [fixed[["rho1", "rho2"]]],
-        axis=1,
-    )
-    value = np.array(
-        [predicted.loc[t, w] for t, w in zip(table["time"], table["what"], strict=True)]
-    )
-    return (np.abs(value - table["value"]) - table["step"].abs()) / table["se"]
-
-
-@pytest.mark.parametrize(
-    "name", [n if n == "DAT21" else pytest.param(n, marks=pytest.mark.slow) for n in SCENES]
-)
-def test_sds_and_rho_between_impacts(name):
-    scene = SCENES[name](SIGMA)
-    table = sampled(scene)
-    assert table["time"].nunique() >= 4
-    found = excess(table, mean_map(scene, impacts=12))
-    assert (found < LIMIT).all(), table.assign(excess=found)[found > LIMIT]
+def test_sds_and_rho_between_impacts(sampled):
+    scene, fixed = sampled
+    assert len(fixed) >= 4
+    assert (excess(scene, fixed, "saltation") < LIMIT).all()
     # negative control: covariances 5 % too large, and the closure whose impact times do not vary
-    assert (excess(table, mean_map(scene, impacts=12), scale=1.05) > LIMIT).any()
-    assert (
-        excess(table, mean_map(scene, impacts=12, closure="corrected")) > LIMIT
-    ).sum() > 0.2 * len(table)
+    assert (excess(scene, fixed, "saltation", scale=1.05) > LIMIT).any()
+    assert (excess(scene, fixed, "corrected") > LIMIT).mean() > 0.2

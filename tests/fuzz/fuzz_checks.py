@@ -6,7 +6,7 @@ from typing import Any
 
 import fuzz_sampled
 import numpy as np
-from fuzz_files import simulate_file, study_file, validate_file
+from fuzz_files import command
 from fuzz_must import FAINTEST, SLACK, Ended, finite, has_verdicts, must, own, refused, semidefinite
 
 from rattle import validate
@@ -53,28 +53,19 @@ def orbit(scene: Scene, settings: dict[str, Any]) -> Ended:
     """The deterministic orbit is causal, inside its walls, and says why it ends."""
     found = follow(scene, settings["impacts"])
     n = found.found
-    walls = (scene.constants.wall1, scene.constants.wall2)
+    walls = np.array([scene.constants.wall1, scene.constants.wall2])
     must((found.stopped == "") == (n == settings["impacts"]), "stopped", found.stopped, n)
-    must(
-        np.isfinite(found.tau[: n + 1]) & np.isfinite(found.before[: n + 1]).all(axis=1),
-        "not finite",
-        found,
-    )
-    must(np.isfinite(found.after[: n + 1]), "not finite", found)
+    for numbers in (found.tau, found.before, found.after):
+        must(np.isfinite(numbers[: n + 1]), "not finite", found)
     must(np.isnan(found.tau[n + 1 :]), "beyond the end", found)
     must(np.diff(found.tau[: n + 1]) >= 0.0, "time runs backwards", found.tau)
-    for k in range(1, n + 1):
-        i = found.mesh[k] - 1
-        must(found.before[k, 2 * i] == found.side[k] * walls[i], "not on its wall", k, found)
-        must(found.before[k, 2 * i + 1] * found.side[k] > 0.0, "not outward", k, found)
-        for j in range(scene.stages):
-            must(
-                abs(found.before[k, 2 * j]) <= walls[j] * (1.0 + 1e-9) + 1e-14,
-                "outside",
-                j,
-                k,
-                found,
-            )
+    impacts = np.arange(1, n + 1)
+    struck = found.mesh[impacts] - 1
+    side = found.side[impacts]
+    must(found.before[impacts, 2 * struck] == side * walls[struck], "not on its wall", found)
+    must(found.before[impacts, 2 * struck + 1] * side > 0.0, "not outward", found)
+    places = abs(found.before[impacts, : 2 * scene.stages : 2])
+    must(places <= walls[: scene.stages] * (1.0 + 1e-9) + 1e-14, "outside", found)
     return ("stopped", _reason(found.stopped)) if found.stopped else ("complete", "")
 
 
@@ -216,7 +207,7 @@ ENTRIES: dict[str, Callable[[Scene, dict[str, Any]], Ended]] = {
     **{name: fuzz_sampled.scheme(name) for name in SCHEMES},
     "accuracy": fuzz_sampled.accuracy,
     "validate": validation,
-    "simulate a file": simulate_file,
-    "validate a file": validate_file,
-    "study a file": study_file,
+    "simulate a file": command("simulate"),
+    "validate a file": command("validate"),
+    "study a file": command("study"),
 }

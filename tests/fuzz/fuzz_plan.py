@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 from fuzz_space import LEAST, Numbers, any_scene
 
 from rattle.montecarlo import SCHEMES, default_step, largest_step
-from rattle.montecarlo.settings import DEFAULT_STEPS, HORIZON_PER_IMPACT, is_random
+from rattle.montecarlo.settings import DEFAULT_STEPS, HORIZON_PER_IMPACT
 from rattle.scene import RattleError, Scene
 
 WORK = 1e6  # steps of all paths
@@ -111,16 +111,12 @@ def _validation(n: Numbers, scene: Scene) -> Settings:
 
 def _command(n: Numbers, scene: Scene) -> Settings:
     """Options of ``rattle simulate``, whose horizon is the default one: few paths."""
-    scheme = n.one(*SCHEMES)
-    dt, step = _step(n, scene, scheme, False, USUAL * default_step(scene, scheme))
-    impacts = n.one(1, 2, n.count(64))
-    steps = min(HORIZON_PER_IMPACT * impacts / step, DEFAULT_STEPS)
-    given: Settings = {"impacts": impacts, "seed": n.seed()}
-    if n.often(0.25):
-        return given | {"accuracy": n.size(1e-9, 0.9, False), "budget": n.size(1e-2, 0.3, False)}
-    paths = n.one(1, 2, 3, 31, 33, 1000)
-    given |= {"paths": paths if paths * steps < 10.0 * WORK else n.one(1, 2), "scheme": scheme}
-    return given if dt is None else given | {"dt": dt}
+    return {
+        "impacts": n.one(1, 2, n.count(64)),
+        "seed": n.seed(),
+        "paths": n.one(1, 2, 33),
+        "scheme": n.one(*SCHEMES),
+    }
 
 
 def _report(n: Numbers, scene: Scene) -> Settings:
@@ -128,26 +124,11 @@ def _report(n: Numbers, scene: Scene) -> Settings:
 
 
 def _study(n: Numbers, scene: Scene) -> Settings:
-    """A study over one or two fields; an accuracy only where nothing is random: it has no budget
-    there."""
-    sigmas = sorted({0.0, scene.sigma, 0.5 * scene.sigma, n.size(1e-30, 1e6, False)})
-    axes = [{"sigma": sigmas[: n.one(1, 2, 3)]}]
-    if n.often(0.5):
-        axes.append({n.one("epsilon", "start.tau"): [0.25, 0.75]})
-    study: Settings = {
-        "impacts": n.one(1, 2, 3),
-        "order": n.one(2, 4, 6),
-        "seed": n.one(0, 1, 2**60),
-        "paths": 64,
-    }
-    study["closures"] = n.one(
-        ["saltation"], ["saltation", "corrected"], ["published", "branching", "saltation"]
-    )
-    if not is_random(scene) and n.often(0.5):
-        del study["paths"]
-        study["accuracy"] = n.size(1e-9, 0.9, False)
-        axes[0] = {"sigma": [0.0]}
-    return {"study": study, "axes": axes}
+    """A study over the noise and another field."""
+    closures = n.one(["saltation"], ["published", "branching", "corrected"])
+    study = {"impacts": n.one(1, 2, 3), "order": n.one(2, 4, 6), "paths": 64, "closures": closures}
+    sigmas = sorted({0.0, scene.sigma, n.size(1e-30, 1e6, False)})
+    return {"study": study, "axes": [{"sigma": sigmas}, {n.one("epsilon", "start.tau"): [0.25]}]}
 
 
 def _soon(scene: Scene) -> bool:

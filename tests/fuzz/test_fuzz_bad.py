@@ -1,32 +1,23 @@
-"""Bad input leads to one of our errors that names it, or to an answer; a spoilt file is refused, or
-read as written.
+"""Bad input leads to one of our errors that names it, or to an answer.
 
-Scenes with one thing wrong in them, settings, texts and damaged files, always the same.
+Settings and texts with something wrong in them, always the same.
 """
 
 import math
-import tempfile
 from decimal import Decimal
 from fractions import Fraction
 from functools import partial
-from itertools import count
 
 import numpy as np
-import pandas as pd
 import pytest
-from commands import rattle, study
-from fuzz_must import finite, refused
-from fuzz_plan import built, job
+from commands import study
+from fuzz_must import refused
 from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 from settings import recorded
 
 from rattle import Study, load_study, validate
 from rattle.closure import mean_map
-from rattle.compare.cli.terminal import read_page
-from rattle.compare.engine import store
-from rattle.compare.report import manifest
-from rattle.compare.thresholds.fixture import read_baseline
 from rattle.montecarlo import simulate, simulate_to
 from rattle.scene import DAT21, InputError, RattleError, Scene
 
@@ -91,67 +82,6 @@ BAD = st.sampled_from(
     ]
 )
 """What nothing here takes, and numbers that one field takes and another does not."""
-FIELDS = {
-    "scene": (
-        "alpha",
-        "epsilon",
-        "beta1",
-        "beta2",
-        "gamma1",
-        "gamma2",
-        "mu",
-        "gap1",
-        "gap2",
-        "sigma",
-        "stages",
-    ),
-    "start": ("tau", "x1", "y1", "x2", "y2", "mesh"),
-    "tolerance": ("c1_max", "c2_max", "distribution", "draw"),
-    "gears": (
-        "alpha",
-        "epsilon",
-        "omega",
-        "inertia1",
-        "radius2",
-        "backlash1",
-        "damping2",
-        "torque1",
-    ),
-}
-
-
-@st.composite
-def spoilt_scenes(draw):
-    """A scene with one thing wrong or doubtful in it, and the name of that."""
-    drawn = draw(st.integers(0, 10**6))
-    data = next(data for number in count(drawn) if built(data := job(1, number, "scene")[1]))
-    part = draw(st.sampled_from([*FIELDS, "key", "table"]))
-    if part == "key":
-        draw(st.sampled_from([data, data["scene"]]))[
-            draw(st.sampled_from(["alhpa", "x" * 5000, "", "é", 5]))
-        ] = 1.0
-        return data, ""
-    name = draw(st.sampled_from([*FIELDS] if part == "table" else FIELDS[part]))
-    if part == "table":
-        table = data if name in ("scene", "gears") else data["scene"]
-    elif part == "scene":
-        table = data["scene"]
-    else:
-        table = (data if part == "gears" else data["scene"]).setdefault(part, {})
-    table[name] = draw(BAD)
-    return data, name
-
-
-@tried(spoilt=spoilt_scenes(), inputs=200)
-def test_bad_scenes_are_refused_by_name(spoilt):
-    data, name = spoilt
-    try:
-        scene = Scene.from_dict(data)
-    except InputError as error:
-        refused(error, name if error.field not in ("scene", "gears") else "")
-        return
-    assert Scene.from_toml(scene.to_toml()) == scene
-    assert finite(scene)
 
 
 CALLS = {
@@ -208,56 +138,30 @@ def test_bad_settings_are_refused_by_name(place, value):
             refused(error, "" if name in ("text", "path", "data") else name.rstrip("s"))
 
 
-SETTINGS = "seed = 3\nwithin = { mean = 0.05, sd = 0.1 }"
 STUDY = study(
-    "bad", closures=("saltation", "corrected"), sigma="{ log = [0.01, 0.1, 2] }", more=SETTINGS
+    "bad",
+    closures=("saltation", "corrected"),
+    sigma="{ log = [0.01, 0.1, 2] }",
+    more="seed = 3\nwithin = { mean = 0.05, sd = 0.1 }",
 )
 STUDY += '\n[[axes]]\ngap1 = [0.4, 0.5]\n"tolerance.c1_max" = [0.0, 0.01]\n'
 
 
-@pytest.fixture(scope="module")
-def place(tmp_path_factory):
-    """A folder with scene and study files, a finished study, and a report."""
-    place = tmp_path_factory.mktemp("fuzz")
-    (place / "scene.toml").write_text(DAT.to_toml(), encoding="utf-8")
-    (place / "bad.toml").write_text("[scene]\nalpha = 'x'\n", encoding="utf-8")
-    (place / "study.toml").write_text(STUDY, encoding="utf-8")
-    (place / "baseline.toml").write_text(
-        "[values.y1]\n1 = 0.5\n\n" + DAT.to_toml(), encoding="utf-8"
-    )
-    small = "--paths 64 --impacts 1 --sigma 0.1 --no-validity --workers 1 --out"
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("matplotlib.figure.Figure.savefig", lambda figure, file, **settings: None)
-        rattle("study", place / "study.toml", "--workers", 1)
-        rattle("validate", *small.split(), place / "report")
-    return place
-
-
-def read_study_text(path):
-    study = Study.from_toml(path.read_text(encoding="utf-8"))
+def read_study(text):
+    study = Study.from_toml(text)
     return study.cells if len(study.points) < 50 else ()
 
 
-READERS = {
-    "scene.toml": lambda path: Scene.from_toml(path.read_text(encoding="utf-8")).to_toml(),
-    "study.toml": read_study_text,
-    "report/manifest.json": manifest.read_settings,
-    "report/report.md": read_page,
-    "baseline.toml": read_baseline,
-}
+READERS = [(Scene.from_toml, DAT.to_toml()), (read_study, STUDY)]
 TOKENS = (
     "",
     "nan",
-    "inf",
-    "-inf",
     "1e400",
     "-1",
-    "0",
     "9" * 5000,
     "'x'",
     '"',
     "[",
-    "]",
     "[[",
     "{",
     "}",
@@ -268,16 +172,11 @@ TOKENS = (
     "1979-05-27",
     "é",
     "\x00",
-    "\ufeff",
     "[[axes]]\n",
     "[" * 3000,
     "a.b.c = 1\n",
-    "1_0",
-    "0x1F",
     "sigma = 1\n",
     "#",
-    "paths = 1e9\n",
-    "seed = [1]\n",
     "[1, 10, 1000000000]",
 )
 CUTS = st.lists(
@@ -287,46 +186,16 @@ CUTS = st.lists(
 )
 
 
-def read_or_refused(name, place, text):
-    path = place / "spoilt"
-    path.write_text(text, encoding="utf-8")
-    try:
-        READERS[name](path)
-    except RattleError as error:
-        refused(error, "")
-
-
-@tried(name=st.sampled_from(sorted(READERS)), cuts=CUTS, inputs=80)
-def test_spoilt_texts_are_refused_or_read(name, cuts, place):
-    text = (place / name).read_text(encoding="utf-8")
+@tried(reader=st.sampled_from(READERS), cuts=CUTS, inputs=80)
+def test_spoilt_texts_are_refused_or_read(reader, cuts):
+    read, text = reader
     for share, length, token in cuts:
         at = int(share * len(text))
         text = text[:at] + token + text[at + length :]
-    read_or_refused(name, place, text)
-
-
-def damaged_cell(place, share, bit=0):
-    """How a cell with a flipped bit ends: refused, or read as it was written."""
-    study = Study.load(place / "study.toml")
-    good = store.Store(place / "study" / "cells")
-    cell = study.cells[int(share * 1e6) % len(study.cells)]
-    truth = good.read(cell)
-    content = bytearray(good.path(cell).read_bytes())
-    content[int(share * len(content))] ^= 1 << bit
-    with tempfile.TemporaryDirectory(dir=place) as scratch:
-        damaged = store.Store(type(place)(scratch))
-        damaged.path(cell).write_bytes(content)
-        found = damaged.read(cell)
-    if found is None:
-        return "refused"
-    pd.testing.assert_frame_equal(found.section, truth.section, check_exact=True)
-    assert found.facts == truth.facts
-    return "read"
-
-
-@tried(share=st.floats(0.0, 1.0, exclude_max=True), bit=st.integers(0, 7), inputs=60)
-def test_damaged_cells_are_refused_or_read_as_written(share, bit, place):
-    damaged_cell(place, share, bit)
+    try:
+        read(text)
+    except RattleError as error:
+        refused(error, "")
 
 
 def test_an_error_without_the_name_of_its_field_is_seen():

@@ -23,11 +23,6 @@ def sources() -> dict[str, ast.Module]:
     return found
 
 
-def functions(tree: ast.Module) -> Iterator[ast.FunctionDef]:
-    """All functions and methods of a module."""
-    return (node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef))
-
-
 def docstring_lines(tree: ast.Module) -> set[int]:
     """Numbers of the lines that docstrings stand on: every string that is a statement."""
     return {

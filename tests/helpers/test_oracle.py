@@ -37,17 +37,3 @@ def test_an_impact_obeys_newton_and_conserves_energy_where_it_is_elastic(name):
             assert change == pytest.approx(expected)
             energy = 0.5 * MASSES @ ((speeds + change) ** 2 - speeds**2)
             assert energy == pytest.approx(0.0) if epsilon == 1.0 else energy < 0.0
-
-
-def test_wheels_locked_together_move_as_one():
-    """Its mass, damping and drag are the sums over its wheels, by the ratios between them."""
-    box = gearbox(TREES["chain"])
-    ratio = np.cumprod([1.0, *RATIOS[1:]])
-    speed = 0.9
-    state = np.kron(box.to_gaps @ (ratio * speed), [0.0, 1.0])
-    _, rates = box.contact_forces(0.4, state, [False, True, True])
-    mass = (ratio**2 * MASSES).sum()
-    damping = (ratio**2 * MASSES * [0.1, 0.2, 0.3]).sum() / mass
-    drag = (ratio * MASSES * [0.3, 0.2, 0.1]).sum() / mass
-    drive = 1.2 * (-np.sin(0.4) + damping * np.cos(0.4))
-    assert rates == pytest.approx([drag - damping * speed + drive, 0.0, 0.0])

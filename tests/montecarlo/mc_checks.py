@@ -9,8 +9,6 @@ from scipy import stats
 from rattle.closure import follow
 from rattle.montecarlo import Ensemble, Record, simulate
 from rattle.montecarlo.noise.philox import BRIDGE, STEP, Key, normals
-from rattle.montecarlo.schemes.euler import euler_step, step_forcing
-from rattle.montecarlo.statistics.central_sums import CentralSums, columns_of
 from rattle.scene import DAT21, Scene, Start, Tolerance
 from rattle.scene.compiled import jit
 
@@ -28,12 +26,6 @@ def agrees(value, truth, se, slack=0.0) -> bool:
     `slack`."""
     value, truth, se, slack = np.broadcast_arrays(value, truth, se, slack)
     return bool((np.abs(value - truth) <= limit(value.size) * se + slack).all())
-
-
-def central_sums(a, b, orders) -> CentralSums:
-    """Sums of one block of paths; `a` and `b` have the shape (paths, ...)."""
-    cells = np.tile(np.arange(a[0].size), (2, 1))
-    return CentralSums.of_columns(columns_of(a), columns_of(b), cells, orders, a.shape[1:])
 
 
 def stepped(scene: Scene, record: Record | None = None, **settings) -> Ensemble:
@@ -159,28 +151,3 @@ def for_python(function):
     """A function that only compiled code calls, compiled for Python too: called as it stands it
     would crash."""
     return jit(getattr(function, "py_func", function))
-
-
-step = for_python(euler_step)
-
-
-def affine_step(scene, tau, h):
-    """Matrix, shift and kick of one Euler step, read off the product's scalar function."""
-    c = scene.constants
-    f = step_forcing(c, tau, h)
-    shift = np.array(step(c, f, h, 0.0, 0.0, 0.0, 0.0, 0.0))
-    matrix = np.array([step(c, f, h, *e, 0.0) for e in np.eye(4)]).T - shift[:, None]
-    kick = np.array(step(c, f, h, 0.0, 0.0, 0.0, 0.0, 1.0)) - shift
-    return matrix, shift, kick[None]
-
-
-def by_steps(scene, t, h, one_step=affine_step):
-    """Mean and covariance at time t after the start: exact moments of the scheme, no sampling."""
-    s = scene.start
-    mean = np.array([s.x1, s.y1, s.x2, s.y2])
-    cov = np.zeros((4, 4))
-    for n in range(round(t / h)):
-        matrix, shift, kicks = one_step(scene, s.tau + n * h, h)
-        mean = matrix @ mean + shift
-        cov = matrix @ cov @ matrix.T + kicks.T @ kicks
-    return mean, cov

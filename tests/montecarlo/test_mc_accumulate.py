@@ -5,82 +5,18 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
-from mc_checks import central_sums
 from scipy import stats
 
 from rattle.montecarlo.statistics import intervals
-from rattle.montecarlo.statistics.central_sums import COVARIANCE, PAIR, SINGLE
-from rattle.montecarlo.statistics.intervals import count_effective_paths, spread
+from rattle.montecarlo.statistics.central_sums import PAIR, SINGLE, CentralSums, columns_of
+from rattle.montecarlo.statistics.intervals import spread
 from rattle.montecarlo.statistics.section_statistics import pair_statistics, single_statistics
 
-ORDERS = {"SINGLE": SINGLE, "PAIR": PAIR, "COVARIANCE": COVARIANCE, "cross": ((0, 2),)}
-CUTS = st.sets(st.integers(1, 59), max_size=6)
 
-
-def sample(seed, paths, cells=3, gone=0.2):
-    """Two dependent skewed variables in several cells, some never observed, at locations of very
-    different size."""
-    rng = np.random.default_rng(seed)
-    a = rng.gamma(2.0, size=(paths, cells)) + np.array([0.0, 5.0, -100.0])[:cells]
-    b = 0.5 * a + rng.standard_normal((paths, cells))
-    a[rng.random((paths, cells)) < gone] = np.nan
-    b[rng.random((paths, cells)) < 0.5 * gone] = np.nan
-    return a, b
-
-
-def by_numpy(a, b, orders):
-    """n, means, sums of every cell over the rows in which both are seen."""
-    out = []
-    for i in range(a.shape[1]):
-        seen = np.isfinite(a[:, i]) & np.isfinite(b[:, i])
-        u = a[seen, i]
-        v = b[seen, i]
-        mean = (u.mean(), v.mean()) if seen.any() else (0.0, 0.0)
-        out.append(
-            (
-                seen.sum(),
-                *mean,
-                *(((u - mean[0]) ** p * (v - mean[1]) ** q).sum() for p, q in orders),
-            )
-        )
-    return np.array(out, dtype=float).T
-
-
-def merged(a, b, orders, cuts, order=None):
-    parts = [
-        central_sums(u, v, orders)
-        for u, v in zip(np.split(a, cuts), np.split(b, cuts), strict=True)
-    ]
-    parts = [parts[i] for i in order] if order is not None else parts
-    total = parts[0]
-    for part in parts[1:]:
-        total = total.merge(part)
-    return np.vstack([total.n[None], total.mean, total.sums])
-
-
-def close(found, truth, a, orders):
-    """Equal to rounding: 1e-10 of the sums' own scale n sd^(p + q)."""
-    scale = np.array([1.0, 1.0, 1.0, *(1.0 * math.factorial(p + q) for p, q in orders)])[
-        :, None
-    ] * len(a)
-    spread = np.array([1.0, 100.0, 100.0, *(4.0 ** (p + q) for p, q in orders)])[:, None]
-    return bool((np.abs(found - truth) <= 1e-10 * scale * spread).all())
-
-
-@settings(max_examples=30, deadline=None, derandomize=True)
-@given(st.integers(0, 2**32), CUTS, st.floats(0.0, 1.0), st.sampled_from(list(ORDERS.values())))
-def test_any_cut_of_any_sample_merges_to_the_whole(seed, cuts, gone, orders):
-    """Cells that nobody saw, in a part or at all, included."""
-    a, b = sample(seed, 60, gone=gone)
-    b = a if orders is SINGLE else b
-    assert close(merged(a, b, orders, sorted(cuts)), by_numpy(a, b, orders), a, orders)
-
-
-def test_comparison_of_sums_sees_a_lost_row():
-    a, b = sample(1, 1000)
-    assert not close(merged(a[1:], b[1:], PAIR, [300]), by_numpy(a, b, PAIR), a, PAIR)
+def central_sums(a, b, orders):
+    """Sums of one block of paths; `a` and `b` have the shape (paths, ...)."""
+    cells = np.tile(np.arange(a[0].size), (2, 1))
+    return CentralSums.of_columns(columns_of(a), columns_of(b), cells, orders, a.shape[1:])
 
 
 REPLICAS = 1500
@@ -139,26 +75,6 @@ def test_standard_error_of_fisher_z_has_the_size_it_claims(kind):
     )  # 1 / sqrt(n) is for Gaussian pairs alone
 
 
-def test_a_correlation_is_left_out_where_the_product_of_variances_is_no_float():
-    a, b = np.random.default_rng(2).standard_normal((2, 100, 1))
-    s = pair_statistics(central_sums(1e-90 * a, 1e-80 * b, PAIR))
-    assert s["cov"] != 0.0
-    assert np.isnan([s["rho"], s["se_rho"], s["se_z"]]).all()
-
-
-@pytest.mark.parametrize("value", [0.5, 0.1, 0.7, -0.3, 1e-3])
-@pytest.mark.parametrize("parts", [1, 3])
-def test_what_does_not_vary_has_no_spread_and_no_skewness(value, parts):
-    a = np.full((1000, 1), value)
-    total = central_sums(a, a, SINGLE)
-    for _ in range(parts - 1):
-        total = total.merge(central_sums(a, a, SINGLE))
-    s = single_statistics(total)
-    assert s["sd"] == 0.0
-    assert np.isnan(s["skew"])
-    assert np.isnan(s["kurt"])
-
-
 SAMPLES = 2000
 PATHS = 256
 
@@ -192,17 +108,3 @@ def test_intervals_that_rest_on_all_paths_do_not(monkeypatch):
     """The negative control: Student's t with one degree of freedom less than there are paths."""
     monkeypatch.setattr(intervals, "count_effective_paths", lambda rest: float(len(rest)))
     assert coverage(6) < 0.88
-
-
-def test_two_bursts_are_too_few():
-    """Every seventh sample has none, and no interval knows what it has not seen."""
-    assert coverage(2) < 0.95 - slack()
-
-
-def test_all_paths_carry_what_is_normal():
-    rng = np.random.default_rng(2)
-    found = [
-        count_effective_paths(rest - rest.mean()) for rest in rng.standard_normal((SAMPLES, PATHS))
-    ]
-    assert 0.7 * PATHS < np.median(found) <= PATHS
-    assert np.quantile(found, 0.01) > 0.3 * PATHS  # the t of 80 paths is 2 % above that of 256

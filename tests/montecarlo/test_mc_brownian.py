@@ -4,7 +4,6 @@ finely stepped path."""
 import math
 
 import numpy as np
-import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -63,32 +62,3 @@ def test_split_is_a_rotation_of_four_standard_normals(share):
     assert np.abs(r @ r.T - np.eye(4)).max() < 1e-14 / math.sqrt(1.0 - share) + 1e-14
     wide = r * [1.0, 1.0, 1.05, 1.0]  # negative control: a split that spreads too much
     assert np.abs(wide @ wide.T - np.eye(4)).max() > 1e-10
-
-
-FINE = 240
-H = 0.3
-
-
-def noise_of(increments):
-    """Increment and area of a path linear in each fine step, by summation: the weight s / h - 1/2
-    at mid-steps."""
-    n = increments.shape[1]
-    weight = (np.arange(n) + 0.5) / n - 0.5
-    return increments.sum(axis=1), increments @ weight
-
-
-@pytest.mark.parametrize("cut", [1, 60, 120, 239])
-def test_joined_parts_of_a_path_are_the_whole_to_rounding(cut):
-    # increments of 20 paths
-    fine = np.random.default_rng(1).standard_normal((20, FINE)) * math.sqrt(H / FINE)
-    whole = np.array(noise_of(fine))
-    first = np.array(noise_of(fine[:, :cut]))
-    second = np.array(noise_of(fine[:, cut:]))
-    again = np.array(
-        [join(Noise(*a), Noise(*b), cut / FINE) for a, b in zip(first.T, second.T, strict=True)]
-    ).T
-    assert np.abs(again - whole).max() < 1e-15 * FINE
-    wrong = np.array(
-        [join(Noise(*b), Noise(*a), cut / FINE) for a, b in zip(first.T, second.T, strict=True)]
-    ).T
-    assert np.abs(wrong - whole).max() > 1e-3  # negative control: the parts the other way round

@@ -6,10 +6,8 @@ import pytest
 from mc_checks import dat21, open_space, orbit_of
 
 from rattle.montecarlo import simulate
-from rattle.montecarlo.coupling.dyadic import clockwork
-from rattle.montecarlo.coupling.paths import LongPath, after_impact
+from rattle.montecarlo.coupling.paths import LongPath
 from rattle.montecarlo.noise.philox import Word
-from rattle.scene import InputError, Tolerance
 from rattle.scene.flight import jacobian
 
 PAPER = 1.5**0.5
@@ -87,16 +85,3 @@ def test_paths_of_one_number_share_their_noise_and_others_do_not():
     moved = jacobian(scene.constants, 500 * a.step) @ apart
     assert b.at[:4] - a.at[:4] == pytest.approx(moved, abs=1e-9)
     assert np.abs(other.at[:4] - a.at[:4] - moved).max() > 0.1
-
-
-def test_neighbours_leave_a_hundredfold_distance_ten_times_as_far():
-    """Noise that were not common would leave them as far from any distance."""
-    apart, _, missed = after_impact(dat21(PAPER), np.array([1e-6, 1e-4]), 500, 1)
-    ratio = np.sqrt((apart**2).mean(axis=0))
-    assert ratio[1] / ratio[0] == pytest.approx(10.0, rel=0.2)
-    assert missed <= 5
-
-
-def test_random_gaps_are_refused():
-    with pytest.raises(InputError, match=r"tolerance\.distribution"):
-        clockwork(dat21(0.1, tolerance=Tolerance(0.01, 0.01)), 12)

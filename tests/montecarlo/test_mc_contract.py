@@ -11,18 +11,17 @@ from mc_checks import (
     PRESSED,
     UNEQUAL_GAPS,
     agrees,
-    by_steps,
     dat21,
     flank_changes,
     open_space,
     orbit_of,
     stepped,
 )
+from oracle import two_stages
 from settings import recorded
 
 from rattle.montecarlo import SCHEMES
 from rattle.scene import Scene, Start, Tolerance
-from rattle.scene.flight import flow, noise_covariance
 
 STEP = {"euler-maruyama": 5e-3, "euler-maruyama-located": 5e-3, "exact-flight": math.pi / 64.0}
 """A step at which each scheme is of use."""
@@ -57,11 +56,18 @@ def wheels(raw, mu):
 
 def flight_moments(scene, scheme, dt, t):
     """Mean and covariance of a flight without walls, as the scheme has them."""
-    if SCHEMES[scheme].has_step_bias:
-        return by_steps(scene, t, dt)
     s = scene.start
-    mean = flow(scene.constants, s.tau, s.x1, s.y1, s.x2, s.y2, t)
-    return np.array(mean), noise_covariance(scene.constants, s.tau, t)
+    box = two_stages(scene.constants)
+    mean = np.array([s.x1, s.y1, s.x2, s.y2])
+    covariance = np.zeros((4, 4))
+    if not SCHEMES[scheme].has_step_bias:
+        return box.fly(s.tau, mean, t), box.covariance(s.tau, covariance, t)
+    matrix = np.eye(4) + dt * box.drift_matrix()
+    for tau in s.tau + dt * np.arange(round(t / dt)):
+        kick = scene.sigma * box.noise_direction(tau)
+        mean = mean + dt * box.rates(tau, mean)
+        covariance = matrix @ covariance @ matrix.T + dt * np.outer(kick, kick)
+    return mean, covariance
 
 
 @pytest.mark.parametrize("scheme", SCHEMES)
@@ -78,8 +84,6 @@ class TestScheme:
         } | settings
         return stepped(scene, scheme=scheme, **recorded(settings))
 
-    # --- what it is
-
     # --- truths
 
     @pytest.mark.parametrize(
@@ -88,23 +92,19 @@ class TestScheme:
     def test_noise_free_path_converges_to_the_orbit(self, scheme, scene):
         """At first order within a bound for Euler's steps (a late detection jumps with dt); at once
         for exact ones."""
-        impacts = 5
-        orbit = orbit_of(scene, impacts)
+        orbit = orbit_of(scene, 5)
+        exact = not SCHEMES[scheme].has_step_bias
+        steps = (0.1 if exact else 2e-3) / 4.0 ** np.arange(5)
         errors = []
-        steps = 2e-3 / 4.0 ** np.arange(5)
-        for dt in steps if SCHEMES[scheme].weak_order else 50.0 * steps:
-            raw = self.run(scheme, scene, paths=1, impacts=impacts, dt=dt).raw[0]
+        for dt in steps:
+            raw = self.run(scheme, scene, paths=1, impacts=5, dt=dt).raw[0]
             assert (raw[:, 6] == orbit[:, 5]).all()
             errors.append(np.abs(raw[:, [0, 2, 3, 4, 5]] - orbit[:, :5]).max())
-        if not SCHEMES[scheme].has_step_bias:
+        if exact:
             assert max(errors) < 1e-8
         else:
             assert (errors / steps).max() < 60.0
             assert errors[-1] < 0.03 * errors[0]
-            if LOCATES[scheme]:
-                assert np.polyfit(np.log(steps), np.log(errors), 1)[0] == pytest.approx(
-                    1.0, abs=0.1
-                )
 
     def test_energy_is_conserved_on_every_path(self, scheme):
         raw = self.run(scheme, FREE, impacts=30, dt=0.02).raw
@@ -144,19 +144,6 @@ class TestScheme:
 
     # --- paths and tables
 
-    def test_agreement_is_a_share_that_never_grows(self, scheme):
-        orbit = orbit_of(dat21(), 8)[:, 5].astype(int).tolist()
-        run = self.run(
-            scheme, dat21(0.5), impacts=8, itineraries={"orbit": orbit, "never": [0] * 8}
-        )
-        shares = run.agreement.to_numpy()
-        assert ((shares >= 0.0) & (shares <= 1.0)).all()
-        assert (np.diff(shares, axis=0) <= 0.0).all()
-        assert run.agreement["orbit"].equals(run.agreement["noise-free"].rename("orbit"))
-        assert (run.agreement["never"] == 0.0).all()
-        assert 0.0 < run.section.agreement[8] < 1.0
-        assert self.run(scheme, dat21(1e-4), impacts=8).section.agreement[8] == 1.0
-
     def test_single_stage_is_the_first_stage_of_a_pair_whose_second_never_touches(self, scheme):
         values = {
             n: getattr(dat21(), n)
@@ -169,16 +156,6 @@ class TestScheme:
             1e-11 if scheme == "exact-flight" else 0.0
         )  # rounding, and its growth
         assert np.isnan(lone[:, :, 4:6]).all()
-
-    def test_paths_cut_off_by_the_horizon_are_counted(self, scheme):
-        """A third impact at about 1.1: cut at 0.7, every path has had one impact and none has had
-        three."""
-        run = self.run(scheme, dat21(0.05), paths=700, impacts=3, horizon=0.7)
-        assert run.unfinished == 700
-        assert run.section.paths.tolist() == [700, 0, 0]
-        assert np.isnan(run.section.tau[3])
-        assert np.isnan(run.raw[:, 1:]).all()
-        assert run.section.agreement[3] == 0.0
 
     def test_no_path_runs_beyond_the_horizon_by_more_than_a_step(self, scheme):
         run = self.run(scheme, dat21(0.3), impacts=60, horizon=1.5)
@@ -205,9 +182,6 @@ class TestScheme:
         assert (run.sticking_steps > 0) == LOCATES[scheme]
         assert np.isfinite(run.raw).all()
         assert (run.raw[:, :, 1] >= 0.0).all()
-
-    def test_paths_that_never_accumulate_never_stick(self, scheme):
-        assert self.run(scheme, dat21(0.1), paths=500).sticking_steps == 0
 
     @pytest.mark.parametrize("epsilon", [0.0, 0.02])
     def test_collapse_onto_the_wall_is_survived(self, scheme, epsilon):
@@ -240,14 +214,6 @@ class TestScheme:
             dat21(0.3), gap1=0.54, gap2=0.52, start=Start(0.0, 0.54, 2.0, 0.52, 2.0, mesh=1)
         )
         assert np.array_equal(tolerant.raw, self.run(scheme, wider).raw)
-
-    @pytest.mark.parametrize("draw", ["path", "contact"])
-    def test_tolerance_of_no_width_is_none(self, scheme, draw):
-        raws = [
-            self.run(scheme, dat21(0.3, tolerance=t)).raw
-            for t in (None, Tolerance(0.0, 0.0, draw=draw))
-        ]
-        assert np.array_equal(*raws)
 
     @pytest.mark.parametrize("mesh", [1, 2])
     def test_a_flank_is_redrawn_when_and_only_when_the_opposite_is_struck(self, scheme, mesh):

@@ -1,9 +1,9 @@
 """What a run says by itself of its numbers."""
 
 import math
+import re
 from dataclasses import replace
 
-import numpy as np
 import pytest
 from mc_checks import dat21, stepped
 
@@ -13,9 +13,7 @@ from rattle.closure import CLOSURES
 from rattle.montecarlo import Record, simulate
 from rattle.montecarlo.branches import search as branches
 from rattle.montecarlo.diagnostics import accuracy, diagnostics
-from rattle.montecarlo.diagnostics.diagnostics import motion_units, orbit_shift
 from rattle.montecarlo.kernel import block
-from rattle.montecarlo.schemes.step_size import trusted_step
 
 LOCATED = "euler-maruyama-located"
 PLAIN = "euler-maruyama"
@@ -40,24 +38,11 @@ def test_a_rare_branch_that_was_not_sampled_is_named():
 
 
 def test_step_that_moves_the_orbit_is_diagnosed_in_sds_of_the_run():
-    found = run(dt=0.02)
-    shift, where = orbit_shift(found)
-    assert any(f"by {shift:.2g} sd ({where})" in said for said in found.diagnostics)
-    finer, _ = orbit_shift(run(dt=0.01))
-    assert shift == pytest.approx(2.0 * finer, rel=0.3)
-
-
-def test_shift_of_the_orbit_is_the_bias_of_the_mean():
-    """At small noise the measured step bias and that of the orbit are one thing."""
-    found = run(sigma=0.003, dt=0.004)
-    beside = run(sigma=0.003, dt=0.004, record=Record(step_bias=True))
-    unit = motion_units(found.columns, found.scene)
-    rows = beside.step_bias.query("moment == 'mean'")
-    shares = [
-        abs(b) / unit[q][k - 1]
-        for k, q, b in rows[["impact", "quantity", "bias"]].itertuples(index=False)
-    ]
-    assert orbit_shift(found)[0] == pytest.approx(max(shares), rel=0.35)
+    shifts = []
+    for dt in (0.02, 0.01):
+        (said,) = re.findall(r"by ([\d.]+) sd \(", " ".join(run(dt=dt).diagnostics))
+        shifts.append(float(said))
+    assert shifts[0] == pytest.approx(2.0 * shifts[1], rel=0.3)
 
 
 def test_measured_bias_of_the_step_is_said_where_it_matters():
@@ -70,21 +55,10 @@ def test_measured_bias_of_the_step_is_said_where_it_matters():
     ).diagnostics
 
 
-def test_impacts_seen_at_the_end_of_a_step_are_diagnosed_as_late():
-    found = run(sigma=3.0, scheme=PLAIN, dt=0.03)
-    shift, where = orbit_shift(found)
-    late = 0.5 * 0.03 * np.arange(1, 5) / motion_units(found.columns, found.scene)["tau"]
-    assert shift >= late.max() > 0.05
-    assert where.startswith("tau at impact")
-
-
 def test_strong_noise_is_diagnosed_where_the_step_cannot_follow_it():
     said, *_ = run(sigma=30.0, scheme=LOCATED).diagnostics
-    limit, why = trusted_step(dat21(30.0), LOCATED)
-    assert said.endswith(f"{why}; dt = {limit:.2g} would do.")
-    assert (
-        0.002 > limit == pytest.approx(0.05 * (1.8 / (30.0 * math.hypot(1.0, dat21().beta1))) ** 2)
-    )
+    limit = 0.05 * (1.8 / (30.0 * math.hypot(1.0, dat21().beta1))) ** 2
+    assert said.endswith(f"; dt = {limit:.2g} would do.")
 
 
 def test_sticking_after_the_last_impact_is_no_fault_of_the_section():
@@ -96,24 +70,6 @@ def test_sticking_after_the_last_impact_is_no_fault_of_the_section():
     assert not any("stayed closed" in said for said in quick.diagnostics)
     assert timed.sticking_steps > 0
     assert any("a mesh stayed closed" in said for said in timed.diagnostics)
-
-
-UNMEASURED = Record(step_bias=False)
-
-
-def test_no_step_is_advised_that_nobody_can_take():
-    """Wheels that do not rebound leave their wall with no speed: the noise returns them within any
-    step."""
-    for epsilon in (0.0, 1e-9):
-        lines = simulate(
-            replace(dat21(0.1), epsilon=epsilon),
-            paths=8,
-            impacts=2,
-            scheme=PLAIN,
-            record=UNMEASURED,
-        ).diagnostics
-        assert any("take exact-flight" in line and "may bias moments" in line for line in lines)
-        assert not any("would do" in line for line in lines)
 
 
 def test_few_paths_and_a_horizon_that_nobody_reaches_are_diagnosed_without_a_warning():

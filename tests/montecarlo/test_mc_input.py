@@ -186,14 +186,6 @@ def test_run_that_could_not_end_is_refused_or_given_up_early():
     assert plan.most_steps == validation.DEFAULT_STEPS
 
 
-def test_paths_unfinished_at_the_horizon_are_diagnosed():
-    run = simulated(horizon=0.3)
-    assert run.unfinished == 10
-    assert run.diagnostics[-1].startswith(
-        "10 of 10 paths did not finish before the time limit, 0.3 after"
-    )
-
-
 def test_rare_branches_are_of_white_noise():
     with pytest.raises(InputError, match="with white noise only"):
         simulate_rare(MEMORY, paths=10, impacts=2)

@@ -1,18 +1,14 @@
 """The margin of exact flights: a path that may meet a wall inside a trial is looked at, with the
 right probability."""
 
-import json
 import math
-import sys
 
 import numpy as np
 import pytest
 from mc_checks import limit
-from programs import python
 
 from rattle.montecarlo.noise.brownian import Noise
 from rattle.montecarlo.noise.philox import BRIDGE, key_of
-from rattle.montecarlo.schemes import crossing
 from rattle.montecarlo.schemes.exact_flight import advance_exactly
 from rattle.montecarlo.schemes.step_state import MOST_PARTS, Progress, Walls
 from rattle.scene import Scene
@@ -102,14 +98,7 @@ def test_impacts_inside_a_trial_are_as_frequent_as_a_brownian_path_has_them(fart
     assert agree([found(distance, 40_000) for distance in DISTANCES], 40_000, farthest)
 
 
-@pytest.mark.parametrize("margin", [pytest.param(6.0, marks=pytest.mark.slow), 1.5])
-def test_a_margin_of_one_and_a_half_sds_is_seen(farthest, margin):
-    """The second is the negative control: a step of which every forty-fifth path has an impact is
-    not looked at."""
-    shares = json.loads(python(__file__, margin, 2000, NUMBA_DISABLE_JIT="1").stdout)
-    assert agree(shares, 2000, farthest) == (margin == 6.0)
-
-
-if __name__ == "__main__":
-    crossing.MARGIN_SDS = float(sys.argv[1])
-    print(json.dumps([found(distance, int(sys.argv[2])) for distance in DISTANCES]))
+def test_a_half_of_the_impacts_that_is_not_looked_at_is_seen(farthest):
+    """The negative control."""
+    shares = [0.5 * found(distance, 40_000) for distance in DISTANCES]
+    assert not agree(shares, 40_000, farthest)

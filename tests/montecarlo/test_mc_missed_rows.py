@@ -6,16 +6,13 @@ import pytest
 
 from rattle import DAT21, InputError, Scene, simulate, simulate_to
 from rattle.montecarlo import AccuracyWarning
-from rattle.montecarlo.accuracy import cost
-from rattle.montecarlo.accuracy.cost import expect_paths, find_missed_rows, name_dearest_row
+from rattle.montecarlo.accuracy.cost import find_missed_rows, name_dearest_row
 from rattle.montecarlo.diagnostics.accuracy import (
     FEWEST_PATHS,
     error_bound,
     units_by_quantity,
 )
-from rattle.montecarlo.diagnostics.unseen import Added
 from rattle.montecarlo.looks import share_of_look
-from rattle.scene import Gears
 
 NOISY = Scene.from_gears(DAT21, sigma=0.1)
 SHARE = share_of_look(1)
@@ -83,16 +80,6 @@ def test_the_dearest_row_is_named_where_it_is_much_dearer(run):
     )
 
 
-def test_rows_that_no_number_of_paths_settles_are_alike(run, monkeypatch):
-    """A quantile between infinite numbers of paths is none, and worth no warning."""
-    error, shift, hidden = cost.errors_by_row(run)
-    endless = hidden._replace(needed=np.full_like(hidden.needed, np.inf))
-    monkeypatch.setattr(
-        cost, "errors_by_row", lambda run: (error, np.full_like(shift, np.inf), endless)
-    )
-    assert name_dearest_row(run, 0.01, SHARE) == ""
-
-
 def test_an_answer_in_place_of_a_refusal(monkeypatch):
     monkeypatch.setattr("rattle.montecarlo.accuracy.simulate_to.INSTEAD", 0.5)
     with pytest.raises(InputError, match="is expected to take"):
@@ -104,61 +91,6 @@ def test_an_answer_in_place_of_a_refusal(monkeypatch):
         assert len(found.reach.missed) > 20
         assert found.reach.more_seconds > 3600.0
     assert simulate_to(NOISY, 0.1, impacts=2, refuse=False).reach.missed == ()
-
-
-GEARS = Gears(
-    alpha=1.5,
-    epsilon=0.9,
-    omega=300.0,
-    inertia1=4000.0,
-    inertia2=2500.0,
-    radius1=41.0,
-    radius2=26.4,
-    backlash1=0.2,
-    torque1=100.0,
-)
-BRANCHING = Scene.from_gears(GEARS, sigma=0.01)
-"""27 paths in a million leave the others before impact 6, and make most of the variance there."""
-
-
-@pytest.fixture(scope="module")
-def pilot():
-    return simulate(BRANCHING, paths=8192, impacts=6, scheme="exact-flight", rng=0)
-
-
-def test_a_rare_branch_is_counted_before_it_is_seen(pilot):
-    found = expect_paths(pilot, 0.3, share_of_look(1))
-    assert found.branch == "a rare branch (about 27 in a million paths)"
-    run = simulate(
-        BRANCHING, paths=int(found.paths), impacts=6, scheme="exact-flight", rng=1, workers=2
-    )
-    assert 0.3 / 1.5 < error_bound(run, share_of_look(1)).error < 0.3 * 1.5
-
-
-def test_negative_control_without_the_branch_it_expects_next_to_nothing(pilot, monkeypatch):
-    monkeypatch.setattr(
-        cost, "branches_between", lambda *_: Added(*np.zeros((3, 6, 6)), np.zeros(0))
-    )
-    found = expect_paths(pilot, 0.3, share_of_look(1))
-    run = simulate(BRANCHING, paths=int(found.paths), impacts=6, scheme="exact-flight", rng=1)
-    assert error_bound(run, share_of_look(1)).error > 1.5 * 0.3
-
-
-def test_where_no_branch_is_near_paths_fall_with_the_square_of_the_accuracy():
-    run = simulate(
-        Scene.from_gears(DAT21, sigma=0.01), paths=8192, impacts=6, scheme="exact-flight", rng=0
-    )
-    coarse, fine = (expect_paths(run, accuracy, share_of_look(1)) for accuracy in (0.05, 0.005))
-    assert coarse.branch == fine.branch == ""
-    assert fine.paths / coarse.paths == pytest.approx(100.0, rel=1e-6)
-
-
-def test_what_a_branch_made_dear_samples_it_on_purpose():
-    """Plain paths would have taken hours for the 27 in a million that take it."""
-    run = simulate_to(BRANCHING, 0.02, impacts=6)
-    assert run.reach.reached
-    assert run.reach.expected.branches > 0
-    assert run.paths < 500_000
 
 
 def test_a_run_to_an_accuracy_does_not_chase_it():

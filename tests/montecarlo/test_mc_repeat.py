@@ -79,11 +79,6 @@ def test_paths_are_the_same_bit_for_bit_whatever_runs_beside_them(scheme, change
     assert np.array_equal(plain[:common], other[:common, :4])
 
 
-@pytest.mark.parametrize("scheme", SCHEMES)
-def test_keeping_no_paths_changes_no_table(scheme):
-    assert run_with(scheme).section.equals(run_with(scheme, raw=False).section)
-
-
 def test_a_spawned_seed_is_another_and_is_not_used_up():
     seed = np.random.SeedSequence(3)
     first = run_with(rng=seed).raw
@@ -100,15 +95,3 @@ def test_no_path_repeats_another(scheme):
     assert np.unique(first).size == first.size
     correlation = np.corrcoef(first.reshape(3, -1))[np.triu_indices(3, 1)]
     assert np.abs(correlation).max() * np.sqrt(BLOCK) < 3.6  # 1e-3 over three pairs
-
-
-def test_a_block_that_repeats_another_is_seen(monkeypatch):
-    true = block.sample
-
-    def repeating(plan, number, reuse=False):
-        return true(plan, min(number, 1), reuse)
-
-    monkeypatch.setattr(block, "sample", repeating)
-    first = run_with(paths=3 * BLOCK, impacts=1).raw[:, 0, 0]
-    assert first.size - np.unique(first).size >= BLOCK
-    assert np.corrcoef(first.reshape(3, -1))[1, 2] * np.sqrt(BLOCK) > 3.6

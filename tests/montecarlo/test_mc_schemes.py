@@ -3,35 +3,11 @@ once."""
 
 from dataclasses import replace
 
-import numpy as np
 import pytest
-from mc_checks import by_steps, open_space
-from oracle import two_stages
 
+from rattle.closure import follow
 from rattle.montecarlo import Record, simulate
 from rattle.scene import Scene, Start
-from rattle.scene.orbit import follow
-
-
-def slope(steps, errors):
-    return np.polyfit(np.log(steps), np.log(errors), 1)[0]
-
-
-def test_mean_and_covariance_of_a_flight_converge_at_first_order():
-    scene = open_space(0.4, beta2=0.9)
-    steps = np.array([0.04, 0.02, 0.01, 0.005])
-    mean = follow(scene.with_sigma(0.0), 1).state(scene.start.tau + 2.0)
-    box = two_stages(scene.constants)
-    cov = box.covariance(scene.start.tau, np.zeros((4, 4)), 2.0)
-    found = [by_steps(scene, 2.0, h) for h in steps]
-    assert slope(steps, [np.abs(one - mean).max() for one, _ in found]) == pytest.approx(
-        1.0, abs=0.1
-    )
-    assert slope(steps, [np.abs(one - cov).max() for _, one in found]) == pytest.approx(
-        1.0, abs=0.1
-    )
-    off = [np.abs(one - 1.01 * cov).max() for _, one in found]  # a planted error of 1 %
-    assert slope(steps, off) != pytest.approx(1.0, abs=0.1)
 
 
 def both_walls_at(time, gap1=0.5, gap2=1.7):

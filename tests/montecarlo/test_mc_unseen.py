@@ -1,19 +1,12 @@
 """What a sample cannot have seen: rare branches are found, counted, and leave a verdict open."""
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 from random_gears import PAIR_B
 
-from rattle import Tolerances
-from rattle.compare.validation import errors
-from rattle.compare.validation.errors import section_errors
-from rattle.montecarlo import simulate
+from rattle import Closure, validate
 from rattle.montecarlo.branches import search as branches
 from rattle.montecarlo.branches.search import BranchSearch, rare_events
-from rattle.montecarlo.diagnostics.unseen import Unseen
-from rattle.montecarlo.statistics.intervals import widest
 from rattle.scene import DAT21, Scene
 
 PROBABILITY = 7.9e-6
@@ -31,28 +24,15 @@ def test_a_rare_branch_has_the_probability_and_the_size_that_eight_million_paths
     assert 0.2 < share < 0.5  # 0.34 by the kurtosis
 
 
-def _verdict(monkeypatch, bounded):
-    run = simulate(PAIR_B, paths=32_768, impacts=2, scheme="exact-flight", rng=0)
-    truth = run.section.copy()
-    truth.loc[2, "sd_y2"] = SD
-    if not bounded:
-        nil = np.zeros((2, 6))
-        monkeypatch.setattr(errors, "unseen", lambda *_: Unseen(nil, nil, nil, nil, nil, nil, 2))
-    table = section_errors(
-        [SimpleNamespace(closure="exact", section=truth)], run, widest(48), Tolerances()
-    )
-    return table.query("impact == 2 and quantity == 'y2' and moment == 'sd'").iloc[0]
-
-
-def test_an_exactly_right_sd_is_not_called_inaccurate_for_want_of_paths(monkeypatch):
-    row = _verdict(monkeypatch, True)
-    assert row["verdict"] == "undecided"
-    assert "8 in a million" in row["remark"]
-    assert row["paths_needed"] == pytest.approx(10.0 / PROBABILITY, rel=0.5)
-
-
-def test_negative_control_without_the_bound_it_is(monkeypatch):
-    assert _verdict(monkeypatch, False)["verdict"] == "inaccurate"
+@pytest.mark.parametrize(("factor", "verdict"), [(1.0, "accurate"), (0.81, "inaccurate")])
+def test_an_sd_is_judged_with_the_rare_branch_that_carries_a_third_of_its_variance(factor, verdict):
+    """Negative control: the sd of all other paths."""
+    closure = Closure("mine", lambda scene, impacts: {"sd_y2": [np.nan, factor * SD]})
+    given = {"paths": 32_768, "impacts": 2, "scheme": "exact-flight", "rng": 0}
+    table = validate(PAIR_B, closures=(closure,), **given).table
+    section = table.query("kind == 'section' and impact == 2")
+    (row,) = section.query("quantity == 'y2' and moment == 'sd'").to_dict("records")
+    assert row["verdict"] == verdict
 
 
 def test_where_no_other_event_is_near_nothing_is_counted():
@@ -74,29 +54,6 @@ def test_an_orbit_that_ends_leaves_later_impacts_unknown():
     found = rare_events(scene, 3)
     assert found.known < 3
     assert found.why
-
-
-def test_one_search_serves_all_probabilities(monkeypatch):
-    """Whatever is asked for first, no flight is searched twice, and the answers are those of
-    searches of their own."""
-    flights = []
-    one = branches.events
-    monkeypatch.setattr(branches, "events", lambda flight: flights.append(flight) or one(flight))
-    scene = Scene.from_gears(DAT21, sigma=0.1).phase_reduced
-    wanted = [2.0**-k for k in (9, 2, 12, 8)]
-    search = BranchSearch(scene, 12)
-    found = [[b.probability for b in search.until(least).branches] for least in wanted]
-    together = len(flights)
-    apart = []
-    for least in wanted:
-        flights.clear()
-        apart.append([b.probability for b in rare_events(scene, 12, least).branches])
-        assert len(flights) <= together
-    assert found == apart
-    assert len({len(b) for b in found}) > 1
-    flights.clear()
-    rare_events(scene, 12, min(wanted))
-    assert together == len(flights)
 
 
 @pytest.mark.slow

@@ -8,10 +8,11 @@ from pathlib import Path
 import llvmlite.binding
 import pytest
 from programs import python
-from sampled import constant, numbers
 
 pytestmark = pytest.mark.slow
 
+CASE = "euler-maruyama, driven"
+CASES = Path(__file__).parents[1] / "interpreted" / "cases.py"
 LEVEL_3 = ("avx2", "fma", "bmi", "bmi2", "lzcnt", "popcnt", "f16c", "movbe")
 LEVEL_4 = ("avx512f", "avx512bw", "avx512cd", "avx512dq", "avx512vl")
 PROCESSORS = {
@@ -47,25 +48,15 @@ def as_on(processor):
     }
 
 
-@pytest.fixture(scope="module")
-def here():
-    if not has(LEVEL_3):
-        pytest.skip("this processor has no AVX2 or no FMA")
-    return numbers()
+def numbers_of(case, **environment):
+    """The numbers of a case of the tests of interpreted code, as another process makes them."""
+    return json.loads(python(CASES, case, **environment).stdout)
 
 
 @pytest.mark.parametrize("processor", PROCESSORS)
-def test_code_for_another_processor_gives_the_same_bits(processor, here, tmp_path):
+def test_code_for_another_processor_gives_the_same_bits(processor, tmp_path):
+    """No more than one sampler, for each process compiles all for itself."""
     if processor == llvmlite.binding.get_host_cpu_name() or not has(PROCESSORS[processor][0]):
         pytest.skip(f"this processor is {processor}, or cannot execute code for it")
     environment = {"NUMBA_CACHE_DIR": str(tmp_path)} | as_on(processor)
-    found = json.loads(python(Path(__file__).with_name("sampled.py"), **environment).stdout)
-    assert list(found) == list(here)
-    for part, expected in here.items():
-        assert found[part] == expected, part
-
-
-def test_another_seed_has_other_bits(here):
-    other = numbers(seed=4)
-    same = {part for part in here if not part.endswith(", n") and other[part] == here[part]}
-    assert same - {"codes"} == set(constant())
+    assert numbers_of(CASE, **environment) == numbers_of(CASE)

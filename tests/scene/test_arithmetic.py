@@ -9,9 +9,6 @@ import pytest
 
 from rattle.closure.exponentials import exponentials
 from rattle.scene.compiled import emulate_fma, fma, jit, widest_vectors
-from rattle.scene.elementary import each, gauss_legendre
-from rattle.scene.linear_algebra import eigen, image, product, totals, transform
-from rattle.scene.moments import semidefinite
 
 MOST = 1.7976931348623157e308
 LEAST = 5e-324
@@ -84,31 +81,3 @@ def test_exponentials_are_those_of_the_c_library_to_the_last_bit(given):
     found = exponentials(given)
     assert found.shape == np.shape(given)
     np.testing.assert_array_equal(found.ravel(), [math.exp(x) for x in np.ravel(given)])
-
-
-def test_small_eigenvalues_keep_their_relative_accuracy():
-    sizes = np.array([1e-6, 1e-12, 1.0])
-    correlation = np.array([[1.0, 0.3, 0.2], [0.3, 1.0, -0.4], [0.2, -0.4, 1.0]])
-    others = correlation[np.ix_([0, 2], [0, 2])]
-    smallest = sizes[1] ** 2 * (
-        1.0 - correlation[1, [0, 2]] @ np.linalg.solve(others, correlation[[0, 2], 1])
-    )
-    matrix = sizes[:, None] * correlation * sizes
-    assert eigen(matrix)[0][0] == pytest.approx(smallest, rel=1e-10, abs=0.0)
-    assert np.linalg.eigvalsh(matrix)[0] != pytest.approx(smallest, rel=0.1, abs=0.0)
-
-
-def test_small_matrices():
-    m = np.array([[1.0, 2.0], [0.0, 1.0]])
-    assert product(m, m).tolist() == [[1.0, 4.0], [0.0, 1.0]]
-    assert transform(m, np.diag([1.0, 3.0])).tolist() == [[13.0, 6.0], [6.0, 3.0]]
-    assert image(m, np.array([3.0, 4.0])).tolist() == [11.0, 4.0]
-    assert totals(np.array([m, 2.0 * m])).tolist() == [4.0, 8.0]
-    rounded = np.array([[1.0, 1e-9], [1e-9, -1e-17]])
-    assert semidefinite(rounded, np.array([1.0, 0.1])).tolist() == [[1.0, 0.0], [0.0, 0.0]]
-
-
-def test_functions_of_arrays_and_nodes_of_gauss():
-    assert each(math.exp, np.array([[0.0], [1.0]])).tolist() == [[1.0], [math.e]]
-    for own, known in zip(gauss_legendre(3), np.polynomial.legendre.leggauss(3), strict=True):
-        assert own == pytest.approx(known, rel=1e-14)

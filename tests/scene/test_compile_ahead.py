@@ -85,19 +85,6 @@ def test_who_waits_for_another_takes_what_it_has_compiled(kept, tmp_path, monkey
 
 
 @COMPILED
-def test_who_waits_too_long_compiles(kept, tmp_path, monkeypatch):
-    monkeypatch.setattr(compiled, "LONGEST_WAIT", 0.05)
-    assert kept(3) == 6
-    (code,) = tmp_path.glob("*.nbc")
-    code.unlink()
-    again = numba.njit(**compiled.OPTIONS)(doubled.py_func)
-    again._cache = kept._cache
-    with FileLock(code.with_suffix(".lock")):
-        assert again(3) == 6
-    assert code.exists()
-
-
-@COMPILED
 def test_locks_are_released_whether_a_function_can_be_compiled_or_not(kept, tmp_path):
     with pytest.raises(numba.TypingError):
         kept({"no": "number"})
@@ -154,13 +141,6 @@ def test_none_is_started_where_that_is_not_allowed_or_makes_no_sense(
 )
 def test_none_is_started_where_the_environment_says_so(started, monkeypatch, tmp_path, name, value):
     monkeypatch.setenv(name, value)
-    compile_ahead.start(tmp_path)
-    assert not started
-
-
-def test_one_core_has_no_other_process(started, monkeypatch, tmp_path):
-    monkeypatch.setenv(compile_ahead.COMPILERS, "as many as possible")
-    monkeypatch.setattr(os, "sched_getaffinity", lambda process: {0}, raising=False)
     compile_ahead.start(tmp_path)
     assert not started
 

@@ -1,15 +1,8 @@
 """Functions compiled here beside a user's own functions of numba."""
 
-import ast
-import os
-import subprocess
-import sys
-
 import numba
 import numpy as np
 import pytest
-import source_tree
-from programs import python
 
 from rattle import Scene
 from rattle.scene.compiled import jit
@@ -67,52 +60,3 @@ def test_errors_pass_between_a_users_functions_and_ours(function):
         with pytest.raises(ValueError, match="below zero") as raised:
             function(-4)
         assert raised.value.args == ("below zero", -4)
-
-
-CODE = (
-    "from rattle.scene.moments import gaussian_raw_moments as f;"
-    "print(float(f(1.0, 0.5, 2.0, 4)[2, 2]), sum(f.stats.cache_hits.values()))"
-)
-
-
-@pytest.mark.slow
-@COMPILED
-def test_two_processes_fill_one_cache_and_compile_once(tmp_path):
-    environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
-    both = [
-        subprocess.Popen(
-            [sys.executable, "-c", CODE],
-            env=environment,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-        )
-        for _ in range(2)
-    ]
-    said = [process.communicate() for process in both]
-    assert [process.returncode for process in both] == [0, 0], said
-    assert sorted(out.split()[1] for out, _ in said) == [b"0", b"1"]
-    for out, _ in said:
-        assert out.split()[0] == b"2.5"
-    assert python("-c", CODE, NUMBA_CACHE_DIR=str(tmp_path)).stdout.split() == ["2.5", "1"]
-
-
-def test_what_python_runs_calls_nothing_that_compiled_code_alone_can_call():
-    """A shared function runs as it stands in Python, where a call of an internal one ends the
-    process."""
-    kinds = {}
-    calls = {}
-    for tree in source_tree.sources().values():
-        for node in source_tree.functions(tree):
-            marks = {mark.id for mark in node.decorator_list if isinstance(mark, ast.Name)}
-            kinds |= dict.fromkeys([node.name] * bool(marks), marks)
-            calls[node.name] = {
-                c.func.id
-                for c in ast.walk(node)
-                if isinstance(c, ast.Call) and hasattr(c.func, "id")
-            }
-    shared = [name for name, marks in kinds.items() if "shared" in marks]
-    assert shared
-    for name in shared:
-        assert not [
-            other for other in calls[name] if kinds.get(other, set()) & {"internal", "inline"}
-        ], name

@@ -31,6 +31,8 @@ def test_a_file_that_is_no_text_or_not_there_is_refused_by_name(reader, tmp_path
         with pytest.raises(FileError) as refused:
             READERS[reader](place)
         assert str(refused.value).startswith(f"{reader} = {str(place)!r}: {why}")
+    with pytest.raises(FileError, match="is no path"):
+        Scene.load(5)
 
 
 def test_line_ends_and_a_byte_order_mark_of_other_systems(tmp_path):

@@ -1,57 +1,46 @@
 from itertools import product
 
-import numpy as np
 import pytest
 from oracle import two_stages
 
-from rattle.scene import Scene
-from rattle.scene.flight import flow, noise_covariance, noise_rate
+from rattle.closure import follow
+from rattle.scene import Scene, Start
 
 BETAS = (0.0, 1e-12, 1e-6, 0.08, 1.0, 50.0)
 PAIRS = list(product(BETAS, BETAS))
 STATE = (0.31, -1.2, -0.17, 0.9)
 
 
-def constants(beta1, beta2, **changes):
+def far_from_walls(beta1, beta2, **changes):
     values = {
         "alpha": 1.5,
         "epsilon": 0.9,
         "gamma1": 0.06,
         "gamma2": 0.03,
         "mu": 0.6,
-        "sigma": 0.7,
+        "gap1": 1e3,
+        "gap2": 1e3,
+        "start": Start(0.7, *STATE),
     } | changes
-    return Scene(beta1=beta1, beta2=beta2, **values).constants
+    return Scene(beta1=beta1, beta2=beta2, **values)
 
 
 @pytest.mark.parametrize(("beta1", "beta2"), PAIRS)
 def test_flow_solves_the_equations_of_motion(beta1, beta2):
-    c = constants(beta1, beta2)
+    scene = far_from_walls(beta1, beta2)
     # the solver's own error at rtol 1e-12 over this flight stays below 1e-11
-    exact = two_stages(c).fly(0.7, STATE, 2.5)
-    assert flow(c, 0.7, *STATE, 2.5) == pytest.approx(exact, rel=0, abs=3e-11)
+    exact = two_stages(scene.constants).fly(0.7, STATE, 2.5)
+    assert follow(scene, 1).state(3.2) == pytest.approx(exact, rel=0, abs=3e-11)
 
 
 def test_the_misprinted_damping_of_stage_2_is_distinguished():
-    c = constants(0.08, 0.13)
-    misprinted = two_stages(c)
-    misprinted.damping[1, 1] = c.beta1  # -beta_1 y_2, as Eqs. 3 and 5 have it
+    scene = far_from_walls(0.08, 0.13)
+    misprinted = two_stages(scene.constants)
+    misprinted.damping[1, 1] = scene.beta1  # -beta_1 y_2, as Eqs. 3 and 5 have it
     wrong = misprinted.fly(0.7, STATE, 2.5)
-    assert abs(np.array(flow(c, 0.7, *STATE, 2.5)) - wrong).max() > 1e-3
+    assert abs(follow(scene, 1).state(3.2) - wrong).max() > 1e-3
 
 
 def test_stage_1_flies_alike_with_and_without_stage_2():
-    one = constants(0.08, 0.13, stages=1)
-    two = constants(0.08, 0.13)
-    assert flow(one, 0.7, *STATE, 2.5)[:2] == flow(two, 0.7, *STATE, 2.5)[:2]
-
-
-def test_noise_rate_is_eq_5():
-    c = constants(0.08, 0.13)
-    assert noise_rate(c, 0.7) == pytest.approx(two_stages(c).modulation(0.7), rel=1e-15)
-
-
-def test_a_single_stage_collects_no_noise_in_stage_2():
-    one, two = (noise_covariance(constants(0.08, 0.13, stages=s), 0.7, 3.0) for s in (1, 2))
-    assert not one[2:].any()
-    assert one[:2, :2] == pytest.approx(two[:2, :2], rel=1e-15)
+    one, two = (follow(far_from_walls(0.08, 0.13, stages=s), 1).state(3.2) for s in (1, 2))
+    assert list(one[:2]) == list(two[:2])

@@ -27,11 +27,6 @@ def test_another_backlash_is_the_same_motion(gears):
     assert back.values == gears.values
 
 
-def test_an_alpha_that_was_typed_stays():
-    wide = replace(DAT21, backlash1=0.4)
-    assert (wide.alpha, wide.values["alpha"], "amplitude" in wide.values) == (1.5, 1.5, False)
-
-
 def test_another_alpha_takes_the_place_of_the_amplitude():
     for gears in (MOVED, TURNED, FAST):
         changed = replace(gears, alpha=2.0)

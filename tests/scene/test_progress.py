@@ -106,6 +106,7 @@ def test_a_program_on_a_terminal_shows_that_it_compiles_and_takes_it_away():
     assert [line for line in seen if line] == ["answer"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("place", ["multiprocessing", "PYTEST_CURRENT_TEST", "a user's function"])
 def test_workers_and_tests_on_a_terminal_compile_silently_and_so_do_users_functions(place):
     how = "twice(1)"

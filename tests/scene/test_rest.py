@@ -1,6 +1,5 @@
 """Meshes that close and open: the orbit through chatter and sticking phases."""
 
-import itertools
 import math
 from dataclasses import replace
 
@@ -10,14 +9,12 @@ import pytest
 from oracle import two_stages
 from scenes import STICKING
 from scipy.integrate import solve_ivp
-from scipy.optimize import brentq
 
 from rattle import InputError, Order, rattle_threshold
 from rattle.closure import follow, mean_map
 from rattle.scene import DAT21, Gears, Scene, Start
-from rattle.scene.impact import MISSES, NONE, REST
+from rattle.scene.impact import MISSES, REST
 from rattle.scene.long_orbit import LongOrbit, attractor
-from rattle.scene.sticking import find_sticking, opening, stuck
 
 COMPILED = pytest.mark.skipif(
     bool(numba.config.DISABLE_JIT), reason="takes minutes with the compiler off"
@@ -108,120 +105,6 @@ def test_a_mesh_closed_too_long_is_noticed():
     assert hard > 0.9 * soft
 
 
-@pytest.mark.parametrize(
-    "sides", [(1, 0), (-1, 0), (0, 1), (0, -1), (1, 1), (1, -1), (-1, 1), (-1, -1)]
-)
-def test_the_opening_is_the_first_root_of_the_contact_force(sides):
-    rng = np.random.default_rng(11)
-    seen = 0
-    while seen < 12:
-        b1, b2, g1, g2 = rng.uniform(0.0, 1.0, 4)
-        scene = Scene(
-            alpha=1.0,
-            epsilon=0.5,
-            beta1=b1,
-            beta2=b2,
-            gamma1=g1,
-            gamma2=g2,
-            mu=rng.uniform(0.1, 0.9),
-            gap1=1e3,
-        )
-        c = scene.constants
-        tau = rng.uniform(0.0, 6.0)
-        y1 = 0.0 if sides[0] else rng.uniform(-5.0, 5.0)
-        state = (
-            sides[0] * c.wall1,
-            y1,
-            sides[1] * c.wall2,
-            0.0 if sides[1] else rng.uniform(-1.0, 1.0),
-        )
-
-        box = two_stages(c)
-
-        def least(t, c=c, box=box, tau=tau, state=state):
-            """Contact forces of the sticking meshes, at a time t later."""
-            s = orbit_state(c, tau, state, sides, t)
-            force, _ = box.contact_forces(tau + t, s, sides)
-            return min(-sides[i] * force[i] for i in (0, 1) if sides[i])
-
-        if least(0.0) < 1e-3:
-            continue
-        seen += 1
-        t, _ = opening(c, tau, state[1], state[3], sides)
-        grid = np.linspace(0.0, 12.0, 301)
-        values = np.array([least(s) for s in grid])
-        below = np.flatnonzero(values < 0.0)
-        if below.size == 0:
-            assert t > 12.0 or abs(least(t)) < 1e-9
-        else:
-            assert t == pytest.approx(
-                brentq(least, grid[below[0] - 1], grid[below[0]], xtol=1e-14), abs=1e-10
-            )
-
-
-def orbit_state(c, tau, state, sides, t):
-    """Closed meshes stay where they are; one common speed or the driver's, from first
-    principles."""
-    x1, y1, x2, y2 = state
-    if sides[0]:
-        return x1, 0.0, x2, y2
-    beta = (1 - c.mu) * c.beta1 + c.mu * c.beta2
-    gamma = (1 - c.mu) * c.gamma1 + c.mu * c.gamma2
-    u = c.alpha * math.cos(tau) - y1
-    u = (u + gamma / beta) * math.exp(-beta * t) - gamma / beta
-    return x1, c.alpha * math.cos(tau + t) - u, x2, 0.0
-
-
-def test_which_meshes_stay_closed_is_the_only_combination_that_can():
-    """Among all four: every contact pushes, and every mesh left open accelerates away."""
-    rng = np.random.default_rng(3)
-    counts = dict.fromkeys(itertools.product((False, True), repeat=2), 0)
-    for _ in range(2000):
-        b1, b2, g1, g2 = rng.uniform(0.0, 1.0, 4)
-        c = Scene(
-            alpha=1.0,
-            epsilon=0.5,
-            beta1=b1,
-            beta2=b2,
-            gamma1=g1,
-            gamma2=g2,
-            mu=rng.uniform(0.1, 0.9),
-        ).constants
-        tau = rng.uniform(0.0, 6.3)
-        at = rng.choice([-1, 1], 2)
-        state = at[0] * c.wall1, 0.0, at[1] * c.wall2, 0.0
-        able = []
-        box = two_stages(c)
-        for first, second in counts:
-            sides = (at[0] * first, at[1] * second)
-            force, left = box.contact_forces(tau, state, sides)
-            pushes = all(-at[i] * force[i] > 0.0 for i in (0, 1) if sides[i])
-            drawn = all(at[i] * left[i] <= 0.0 for i in (0, 1) if not sides[i])
-            if pushes and drawn:
-                able.append(sides)
-        assert able == [find_sticking(c, tau, 0.0, 0.0, tuple(at))]
-        counts[able[0][0] != 0, able[0][1] != 0] += 1
-    assert min(counts.values()) > 50
-
-
-def test_sticking_keeps_what_the_contact_does_not_act_on():
-    """Momentum of both wheels at mesh 2, wheel 2 at mesh 1, in the speeds and in the places
-    (model.md section 3)."""
-    c = FIRST.constants
-    state = np.array([0.5 - 1e-7, -1e-6, -0.3, 0.7])
-    x1, y1, x2, y2 = stuck(c, *state, (1, 0))
-    assert (x1, y1) == (c.wall1, 0.0)
-    assert (x2 - x1, y2 - y1) == pytest.approx(
-        (state[2] - state[0], state[3] - state[1]), abs=1e-15
-    )
-    state = np.array([0.1, 0.7, -0.5 + 1e-7, 1e-6])
-    x1, y1, x2, y2 = stuck(c, *state, (0, -1))
-    assert (x2, y2) == (-c.wall2, 0.0)
-    assert (x1 - c.mu * x2, y1 - c.mu * y2) == pytest.approx(
-        (state[0] - c.mu * state[2], state[1] - c.mu * state[3]), abs=1e-15
-    )
-
-
 def test_two_meshes_that_throw_each_other_back_stick_though_never_on_their_walls_at_one_instant():
     """Impacts at mesh 1 and mesh 2 in turn, down to flights in which doubles no longer resolve a
     displacement."""
@@ -278,13 +161,6 @@ def test_dat21_sticks_now_and_then_and_goes_on():
     assert all(0.0 < phase.opened - phase.closed < math.pi for phase in orbit.sticking)
 
 
-def test_an_orbit_that_strikes_no_more_is_reported():
-    orbit = follow(
-        Scene(alpha=0.0, epsilon=0.9, beta1=0.1, gamma1=0.0, stages=1, start=Start(y1=0.01)), 5
-    )
-    assert (orbit.found, orbit.stopped) == (0, f"{MISSES[NONE]} after impact 0")
-
-
 THREE = (Order(1, 1.0), Order(2, 0.4, 0.7), Order(5, 0.08, -1.1))
 SCENES = {
     "one stage": Scene(alpha=1.5, epsilon=0.4, beta1=0.3, gamma1=1.0, stages=1),
@@ -333,13 +209,6 @@ def test_torques_are_in_newton_millimetres():
     assert wheel.drag == 7.0
     assert wheel.unit == "N mm"
     assert wheel.least == pytest.approx(500.0 * (2.0 * 0.3) * 100.0**2 / 40.0 / 1000.0)
-
-
-def test_a_strong_drag_of_wheel_2_holds_wheel_1():
-    scene = SCENES["two stages"]
-    held = replace(scene, gamma2=100.0)
-    assert rattle_threshold(held)[0].least == 0.0
-    assert not any(t.opens for t in rattle_threshold(held))
 
 
 def test_bad_input_is_refused():

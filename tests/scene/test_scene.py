@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from rattle.scene import DAT21, FileError, Gears, InputError, Scene, Start, Tolerance
-from rattle.scene.units import in_units
 
 VALUES = {
     "alpha": 1.5,
@@ -85,10 +84,6 @@ def test_a_tolerance_must_leave_its_gap_open(stage):
         Scene(**VALUES, tolerance=Tolerance(**{f"c{stage}_max": gap}))
 
 
-def test_a_single_stage_has_no_second_gap_to_close():
-    assert Scene(**VALUES, stages=1, tolerance=Tolerance(0.1, 0.9)).stages == 1
-
-
 @pytest.mark.parametrize(
     ("start", "field", "value", "remedy"),
     [
@@ -152,13 +147,6 @@ def test_from_gears_refuses_what_gears_fix(key, remedy):
         Scene.from_gears(DAT21, **{key: 0.1})
 
 
-def test_with_sigma_changes_the_noise_alone():
-    scene = Scene.from_gears(DAT21, tolerance=Tolerance(0.1, 0.1))
-    louder = scene.with_sigma(0.7)
-    assert louder == replace(scene, sigma=0.7)
-    assert louder.gears is DAT21
-
-
 def test_a_scene_keeps_its_gears_while_they_are_its_gears():
     scene = Scene.from_gears(DAT21, sigma=0.1)
     for same in (
@@ -199,12 +187,6 @@ def test_only_a_fixed_tolerance_moves_the_orbits_walls(distribution, wall1):
 
 
 MINIMAL = "alpha = 1.5\nepsilon = 0.9\nbeta1 = 0.1\ngamma1 = 0.0\nmu = 0.5\n"
-
-
-def test_a_minimal_scene_takes_the_defaults():
-    assert Scene.from_toml("[scene]\n" + MINIMAL) == Scene(
-        alpha=1.5, epsilon=0.9, beta1=0.1, gamma1=0.0, mu=0.5
-    )
 
 
 @pytest.mark.parametrize(
@@ -248,29 +230,6 @@ def test_broken_toml_is_a_file_error_that_says_where(text):
         Scene.from_toml(text)
 
 
-def test_a_scene_is_loaded_from_its_file(tmp_path):
-    scene = Scene.from_gears(DAT21, sigma=0.3, tolerance=Tolerance(0.01))
-    path = tmp_path / "scene.toml"
-    path.write_text(scene.to_toml(), encoding="utf-8")
-    assert repr(Scene.load(path)) == repr(Scene.load(str(path))) == repr(scene)
-
-
-def test_a_missing_file_is_named(tmp_path):
-    path = tmp_path / "none.toml"
-    with pytest.raises(
-        FileError, match=r"cannot be read \(No such file or directory\); give a TOML file"
-    ) as caught:
-        Scene.load(path)
-    assert str(caught.value).count("none.toml") == 1
-
-
-def test_a_file_that_is_not_utf8_is_refused(tmp_path):
-    path = tmp_path / "latin.toml"
-    path.write_bytes("# Spiel für zwei Räder\n[scene]\n".encode("latin-1"))
-    with pytest.raises(FileError, match=r"latin\.toml.*is not UTF-8 text; give a TOML file"):
-        Scene.load(path)
-
-
 NAMES = {"DAT21": DAT21, "Gears": Gears, "Scene": Scene, "Start": Start, "Tolerance": Tolerance}
 LOOSE = replace(DAT21, backlash2=0.25)
 
@@ -295,32 +254,11 @@ def test_its_repr_and_its_toml_make_a_scene_again_to_the_last_bit(scene):
     assert "<pre>Scene" in scene._repr_html_()
 
 
-def test_dat21_is_called_by_its_name():
-    assert repr(Scene.from_gears(DAT21, sigma=0.1)) == "Scene.from_gears(DAT21, sigma=0.1)"
-
-
 def test_one_unit_of_dat21():
     time, length, speed, energy = DAT21.units
     assert (time, length, speed) == (pytest.approx(1000.0 / 300.0), 0.2, pytest.approx(60.0))
     rim_mass = 4000e-6 / 0.041**2  # kg
     assert energy == pytest.approx(1e3 * rim_mass * 0.060**2)  # mJ
-
-
-def test_columns_in_physical_units():
-    values = {"tau": 3.0, "sd_x1": 0.5, "se_sd_y2": 0.1, "skew_y2": 1.0}
-    columns = {name: np.array([value]) for name, value in values.items()}
-    found = in_units(columns | {"flight": np.array([2.0])}, DAT21, "physical")
-    assert {name: value.item() for name, value in found.items()} == pytest.approx(
-        {
-            "tau_ms": 10.0,
-            "sd_x1_mm": 0.1,
-            "se_sd_y2_mm_per_s": 6.0,
-            "skew_y2": 1.0,
-            "flight_ms": 20 / 3,
-            "impacts_per_s": 150.0,
-        }
-    )
-    assert in_units(columns, None, "dimensionless") == columns
 
 
 def test_an_error_keeps_its_place_between_processes():
