@@ -28,7 +28,7 @@ from rattle.compare.judge.rows import (
     judge_errors,
     waits_for_branch,
 )
-from rattle.compare.judge.samples import Samples, read_samples
+from rattle.compare.judge.samples import PathSamples, read_samples
 from rattle.compare.judge.verdict import Tolerances
 from rattle.montecarlo.statistics.intervals import CONFIDENCE, half_width, tail_of, widest
 from rattle.scene import InputError, count, finite, positive
@@ -102,7 +102,7 @@ def judge(
         paths``; standard errors of 0 are those of an exact reference.  A path that ends has no
         values, NaN, from there on.
     coarser : optional
-        Samples at twice the step, on the same noise or another: the bias of the step is estimated
+        PathSamples at twice the step, on the same noise or another: the bias of the step is estimated
         from the change, and widens the intervals.
     tolerances : Tolerances, optional
         What counts as accurate: 5 % of an sd for means, 10 % for sds, 0.05 for correlations.
@@ -198,8 +198,8 @@ def _check_tolerances(given: Any) -> Tolerances:
 
 
 def _make_reference(
-    read: Samples,
-    coarse: Samples | None,
+    read: PathSamples,
+    coarse: PathSamples | None,
     moments: PredictedMoments,
     groups: Any,
     predictions: Sequence[NamedSection],
@@ -238,7 +238,7 @@ def _names_for(samples: Any, predictions: Sequence[NamedSection]) -> tuple[str, 
     return tuple(means) if len(means) == samples.shape[2] else None
 
 
-def _read_coarser(coarser: Any, read: Samples, label: str) -> Samples | None:
+def _read_coarser(coarser: Any, read: PathSamples, label: str) -> PathSamples | None:
     """The samples at twice the step, of the same quantities and rows."""
     if coarser is None:
         return None
@@ -255,7 +255,7 @@ def _read_coarser(coarser: Any, read: Samples, label: str) -> Samples | None:
     return coarse
 
 
-def _correct_reduced(rows: pd.DataFrame, coarse: Samples | None, label: str) -> pd.DataFrame:
+def _correct_reduced(rows: pd.DataFrame, coarse: PathSamples | None, label: str) -> pd.DataFrame:
     """Reduced rows with the bias of the step, from reduced rows at twice the step."""
     if coarse is None or coarse.reduced is None:
         return rows
@@ -267,7 +267,7 @@ def _correct_reduced(rows: pd.DataFrame, coarse: Samples | None, label: str) -> 
     return correct_steps(rows.assign(noise=rows["se"], remark=""), bias, se)
 
 
-def _read_groups(groups: Any, read: Samples) -> Any:
+def _read_groups(groups: Any, read: PathSamples) -> Any:
     """The group of each path."""
     if groups is None:
         return None
@@ -286,7 +286,7 @@ def _read_groups(groups: Any, read: Samples) -> Any:
 
 
 def _check_units(
-    units: Mapping[str, str] | None, read: Samples, predictions: Sequence[NamedSection]
+    units: Mapping[str, str] | None, read: PathSamples, predictions: Sequence[NamedSection]
 ) -> None:
     """Refuse units in which predictions and samples differ."""
     sides = {"units": dict(units or {}), "samples": read.units}
@@ -303,7 +303,7 @@ def _check_units(
 
 
 def _labels_for(
-    predictions: Sequence[NamedSection], read: Samples, rows: int
+    predictions: Sequence[NamedSection], read: PathSamples, rows: int
 ) -> "np.ndarray[Any, Any]":
     """Labels of the rows of samples: their own, or by their order those of the predictions."""
     if read.labels is not None:

@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from rattle.compare.judge.samples import Samples, check_block
+from rattle.compare.judge.samples import PathSamples, check_block
 from rattle.compare.judge.sums import PAIR, SINGLE, SampleSums
 from rattle.montecarlo.statistics.intervals import ABSOLUTE, FEWEST_FOR_SD, ROUNDED_SD
 from rattle.montecarlo.statistics.section_statistics import (
@@ -57,8 +57,8 @@ class Moments:
 
 
 def reduce_samples(
-    samples: Samples,
-    coarser: Samples | None,
+    samples: PathSamples,
+    coarser: PathSamples | None,
     moments: Sequence[str],
     pairs: Sequence[tuple[int, int]],
     groups: NDArray[Any] | None,
@@ -90,7 +90,7 @@ def reduce_samples(
 
 
 def _sum_all(
-    samples: Samples, coarser: Samples | None, pairs: Sequence[tuple[int, int]]
+    samples: PathSamples, coarser: PathSamples | None, pairs: Sequence[tuple[int, int]]
 ) -> tuple[SampleSums, list[SampleSums], SampleSums | None, SampleSums | None]:
     """One pass through all blocks: single sums, those of each pair, those of both steps together
     where their paths go in pairs, and those of the coarser step alone where they do not."""
@@ -123,7 +123,7 @@ def _sum_all(
     return single, joint, both, coarse
 
 
-def _same_paths(samples: Samples, coarser: Samples) -> bool:
+def _same_paths(samples: PathSamples, coarser: PathSamples) -> bool:
     """Whether the paths of both steps go in pairs, by their number: what pairs have in common is
     measured, so that it does not matter whether they have the same noise."""
     arrays = (samples.array, coarser.array)
@@ -199,7 +199,7 @@ def _standardised(single: SampleSums) -> list[Floats]:
     return [one, 0.0 * one, one, *higher]
 
 
-def _rows_of(m: Moments, samples: Samples, rows: int, n: Floats) -> pd.DataFrame:
+def _rows_of(m: Moments, samples: PathSamples, rows: int, n: Floats) -> pd.DataFrame:
     """The rows of one moment of all quantities, quantity by quantity."""
     quantities = len(samples.names)
     known = n >= (2 if m.moment == "mean" else FEWEST_FOR_SD)
@@ -237,7 +237,7 @@ def _unseen(moment: str, n: Floats) -> tuple[Floats, Floats]:
 
 
 def _rows_of_pair(
-    samples: Samples,
+    samples: PathSamples,
     rows: int,
     pair: tuple[int, int],
     sums: SampleSums,
@@ -322,7 +322,7 @@ def _corrected(part: pd.DataFrame, steps: dict[str, tuple[Floats, Floats]]) -> p
 
 
 def _errors_of_groups(
-    samples: Samples,
+    samples: PathSamples,
     single: SampleSums,
     joint: Sequence[SampleSums],
     pairs: Sequence[tuple[int, int]],
@@ -396,7 +396,7 @@ AXES: dict[str, Any] = {"chain_axis": 0, "draw_axis": 1}
 
 
 def _errors_of_draws(
-    samples: Samples, single: SampleSums
+    samples: PathSamples, single: SampleSums
 ) -> dict[str, tuple[Floats, Floats, Floats]]:
     """Standard errors of autocorrelated draws of chains, by ArviZ."""
     try:

@@ -31,8 +31,8 @@ DRAW = "draw"  # the dimension beside "chain" of ArviZ
 
 
 @dataclass
-class Samples:
-    """Samples as blocks of paths, or already reduced to a table."""
+class PathSamples:
+    """PathSamples as blocks of paths, or already reduced to a table."""
 
     names: tuple[str, ...]  # of the quantities
     label: str  # what numbers the rows, such as "impact"; empty where nothing says so
@@ -45,7 +45,7 @@ class Samples:
     units: dict[str, str] = field(default_factory=dict)
 
 
-def read_samples(given: Any, names: Sequence[str] | None, label: str, argument: str) -> Samples:
+def read_samples(given: Any, names: Sequence[str] | None, label: str, argument: str) -> PathSamples:
     """Read samples in any of their `FORMS`.
 
     `names`: Of the quantities, where the samples do not say. `label`: What numbers the rows of the
@@ -68,7 +68,7 @@ def read_samples(given: Any, names: Sequence[str] | None, label: str, argument: 
     raise InputError(argument, type(given).__name__, FORMS)
 
 
-def _read_array(values: NDArray[Any], names: Sequence[str] | None, argument: str) -> Samples:
+def _read_array(values: NDArray[Any], names: Sequence[str] | None, argument: str) -> PathSamples:
     """An array (paths, rows, quantities), or (paths, rows) of one quantity."""
     _check_numbers(values, argument)
     if values.ndim == 2 and names is not None and len(names) == 1:
@@ -82,10 +82,10 @@ def _read_array(values: NDArray[Any], names: Sequence[str] | None, argument: str
     if len(names) != values.shape[2]:
         why = f"names {len(names)} quantities, and {argument} has {values.shape[2]}"
         raise InputError("names", tuple(names), why)
-    return Samples(tuple(names), "", None, _slices(values), array=values)
+    return PathSamples(tuple(names), "", None, _slices(values), array=values)
 
 
-def _read_mapping(given: Mapping[str, Any], argument: str) -> Samples:
+def _read_mapping(given: Mapping[str, Any], argument: str) -> PathSamples:
     """A mapping of names to arrays (paths, rows)."""
     arrays = {str(name): np.asarray(values) for name, values in given.items()}
     if not arrays:
@@ -100,10 +100,10 @@ def _read_mapping(given: Mapping[str, Any], argument: str) -> Samples:
     if len(set(shapes.values())) > 1:
         raise InputError(argument, shapes, "all quantities need the same paths and rows")
     stacked = np.stack(list(arrays.values()), axis=-1)
-    return Samples(tuple(arrays), "", None, _slices(stacked), array=stacked)
+    return PathSamples(tuple(arrays), "", None, _slices(stacked), array=stacked)
 
 
-def _read_dataset(given: Any, label: str, argument: str) -> Samples:
+def _read_dataset(given: Any, label: str, argument: str) -> PathSamples:
     """An xarray Dataset whose variables have a dimension ``path`` (or ``chain`` and ``draw``)."""
     dims = tuple(map(str, given.dims))
     path = next((name for name in PATH_DIMENSIONS if name in dims), None)
@@ -127,12 +127,12 @@ def _read_dataset(given: Any, label: str, argument: str) -> Samples:
         name: str(given[name].attrs["units"]) for name in names if given[name].attrs.get("units")
     }
     draws = given.sizes[DRAW] if DRAW in dims else 0
-    return Samples(names, rows[0], labels, _slices(stacked), stacked, draws=draws, units=units)
+    return PathSamples(names, rows[0], labels, _slices(stacked), stacked, draws=draws, units=units)
 
 
 def _read_table(
     given: pd.DataFrame, names: Sequence[str] | None, label: str, argument: str
-) -> Samples:
+) -> PathSamples:
     """A long table with a column ``path``, or one that is reduced already."""
     units = dict(given.attrs.get("units", {}))
     table = given.reset_index() if any(name is not None for name in given.index.names) else given
@@ -143,7 +143,7 @@ def _read_table(
         if "simulated" in columns and "moment" in columns:
             row = label if label in columns else _row_column(columns, TIDY, label, argument)
             quantities = tuple(dict.fromkeys(table["quantity"]))
-            return Samples(quantities, row, None, (), reduced=table, units=units)
+            return PathSamples(quantities, row, None, (), reduced=table, units=units)
         if any(name.startswith("se_") for name in columns):
             return _read_reduced(table, given, label, argument, units)
         raise InputError(argument, columns, f"has no column 'path'; {FORMS}")
@@ -173,7 +173,7 @@ def _unstack(
     names: Sequence[str] | None,
     argument: str,
     units: dict[str, str],
-) -> Samples:
+) -> PathSamples:
     """A long table as an array; a path that has not a row has no values there."""
     others = [name for name in table.columns if name not in (path, row)]
     unknown = [name for name in names or () if name not in others]
@@ -192,14 +192,14 @@ def _unstack(
     first = np.unique(which, return_index=True)[1]
     more = {name: table[name].to_numpy()[first] for name in others if name not in quantities}
     more |= {name: table[name].to_numpy()[first] for name in others if name in quantities}
-    return Samples(
+    return PathSamples(
         quantities, row, np.asarray(labels), _slices(array), array, columns=more, units=units
     )
 
 
 def _read_reduced(
     table: pd.DataFrame, given: pd.DataFrame, label: str, argument: str, units: dict[str, str]
-) -> Samples:
+) -> PathSamples:
     """A table with columns ``x, se_x, sd_x, se_sd_x, ...`` as one with a row for each moment."""
     row = label if label in table else str(given.index.name or "")
     if not row:
@@ -226,7 +226,7 @@ def _read_reduced(
         why = "needs a column 'se_x' beside each 'x': its standard error, 0 where it is exact"
         raise InputError(argument, list(table.columns), why)
     rows = pd.concat(parts, ignore_index=True)
-    return Samples(tuple(quantities), row, None, (), reduced=rows, units=units)
+    return PathSamples(tuple(quantities), row, None, (), reduced=rows, units=units)
 
 
 def _reduced_rows(
@@ -259,7 +259,7 @@ def _reduced_rows(
     )
 
 
-def _read_path(path: Path, names: Sequence[str] | None, label: str, argument: str) -> Samples:
+def _read_path(path: Path, names: Sequence[str] | None, label: str, argument: str) -> PathSamples:
     """A file, or a folder of files of which each holds whole paths."""
     if path.is_dir():
         files = sorted(file for file in path.iterdir() if file.suffix in SUFFIXES)
@@ -285,7 +285,7 @@ def read_table(path: Path, argument: str = "samples") -> pd.DataFrame:
 
 def _read_blocks(
     given: Iterator[Any], names: Sequence[str] | None, label: str, argument: str
-) -> Samples:
+) -> PathSamples:
     """An iterator of blocks of paths, each in a form of its own; one is in memory at a time."""
     first = next(given, None)
     if first is None:
@@ -304,7 +304,7 @@ def _read_blocks(
                 raise InputError(f"block {number} of {argument}", piece.names, why)
             yield from piece.blocks
 
-    return Samples(head.names, head.label, head.labels, blocks(), units=head.units)
+    return PathSamples(head.names, head.label, head.labels, blocks(), units=head.units)
 
 
 def _slices(values: NDArray[Any]) -> Iterator[Floats]:

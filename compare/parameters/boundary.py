@@ -16,7 +16,7 @@ from rattle.compare.engine.store import open_store
 from rattle.compare.judge.verdict import Tolerances, Verdict
 from rattle.compare.parameters import search
 from rattle.compare.parameters.finding import AlongParameter
-from rattle.compare.parameters.search import Edge, Judgement
+from rattle.compare.parameters.search import Edge, JudgedValue
 from rattle.compare.report.interrupt import BudgetEnded, stop_after
 from rattle.compare.report.json_text import json_digest
 from rattle.compare.study.cells import Sample
@@ -189,7 +189,7 @@ def boundary(
     steps = 0
     store = open_store(folder)
 
-    def judge(value: float) -> Judgement:
+    def judge(value: float) -> JudgedValue:
         def simulate(changed: Scene, paths: int, near_branches: bool) -> Any:
             nonlocal steps
             bar.set_postfix_str(f"{over} = {value:.4g}, {paths:,} paths")
@@ -209,7 +209,7 @@ def boundary(
             return search.judge_value(value, changed, predicted, simulate, z, limits)
         # what this scene cannot have, or what cannot be simulated there, is undecided
         except (BudgetEnded, InputError) as error:
-            return Judgement(value, Verdict.UNDECIDED, remark=str(error) or BUDGET_ENDED)
+            return JudgedValue(value, Verdict.UNDECIDED, remark=str(error) or BUDGET_ENDED)
         finally:
             bar.update()
 

@@ -33,7 +33,7 @@ MOST_VALUES = 40  # values of a search
 SLIGHT = 0.01
 
 
-class Judgement(NamedTuple):
+class JudgedValue(NamedTuple):
     """A value of the parameter, and the verdict on the closure there."""
 
     value: float
@@ -87,7 +87,7 @@ def judge_value(
     simulate: Callable[[Scene, int, bool], Simulated],
     z: Widths,
     tolerances: Tolerances,
-) -> Judgement:
+) -> JudgedValue:
     """Add paths until a closure is decided at one value, or until what is undecided would take more
     than the last look.
 
@@ -102,7 +102,7 @@ def judge_value(
         tables = [judge_errors(errors, width) for width in z]
         narrow, rows = (table[table["verdict"].isin(JUDGED)] for table in tables)
         if rows.empty:
-            return Judgement(value, Verdict.INACCURATE, paths, row="nothing is predicted")
+            return JudgedValue(value, Verdict.INACCURATE, paths, row="nothing is predicted")
         off = rows["verdict"] == Verdict.INACCURATE
         if off.any():
             return _point(value, Verdict.INACCURATE, paths, rows[off])
@@ -133,13 +133,13 @@ def count_needed(rows: pd.DataFrame, paths: int) -> float:
     return float(np.fmin(needed.max(), needed[beyond].min()))
 
 
-def _point(value: float, verdict: str, paths: int, rows: pd.DataFrame) -> Judgement:
+def _point(value: float, verdict: str, paths: int, rows: pd.DataFrame) -> JudgedValue:
     """A value with the worst of some rows."""
     row = by_error(rows).iloc[0]
     unit = math.copysign(row["tolerance"], row["error"])
     low, high = sorted(float(row[name] / unit) for name in ("low", "high"))
     name = f"{row['moment']} of {row['quantity']} at impact {row['impact']}"
-    return Judgement(value, verdict, paths, float(row["error"] / unit), low, high, name)
+    return JudgedValue(value, verdict, paths, float(row["error"] / unit), low, high, name)
 
 
 def find_changes(
