@@ -102,7 +102,7 @@ def judge(
         paths``; standard errors of 0 are those of an exact reference.  A path that ends has no
         values, NaN, from there on.
     coarser : optional
-        PathSamples at twice the step, on the same noise or another: the bias of the step is estimated
+        Samples at twice the step, on the same noise or another: the bias of the step is estimated
         from the change, and widens the intervals.
     tolerances : Tolerances, optional
         What counts as accurate: 5 % of an sd for means, 10 % for sds, 0.05 for correlations.

@@ -32,7 +32,7 @@ DRAW = "draw"  # the dimension beside "chain" of ArviZ
 
 @dataclass
 class PathSamples:
-    """PathSamples as blocks of paths, or already reduced to a table."""
+    """Samples as blocks of paths, or already reduced to a table."""
 
     names: tuple[str, ...]  # of the quantities
     label: str  # what numbers the rows, such as "impact"; empty where nothing says so

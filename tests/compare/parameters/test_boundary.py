@@ -19,7 +19,7 @@ from rattle.compare.parameters.search import (
     MOST_VALUES,
     PATHS_OF_LOOKS,
     ROUGH,
-    Judgement,
+    JudgedValue,
     Widths,
     critical,
     find_changes,
@@ -46,7 +46,7 @@ def verdicts(*changes, doubt=1.0):
     def judge(value):
         near = any(c / doubt < value < c * doubt for c in changes)
         verdict = Verdict.UNDECIDED if near else DECIDED[sum(value > c for c in changes) % 2]
-        return Judgement(value, verdict, 1, 0.0, 0.0, 0.0, "", "")
+        return JudgedValue(value, verdict, 1, 0.0, 0.0, 0.0, "", "")
 
     return judge
 
@@ -136,7 +136,7 @@ def test_nowhere_accurate_is_said():
 def test_a_boundary_outside_is_said_with_its_side(over, first, last, accurate, said):
     verdict = Verdict.ACCURATE if accurate else Verdict.INACCURATE
     ends = [
-        Judgement(value, verdict, low=low, high=high)
+        JudgedValue(value, verdict, low=low, high=high)
         for value, (low, high) in ((1.0, first), (2.0, last))
     ]
     found = Boundary(DRIVEN, "saltation", over, (), pd.DataFrame(ends), 0)
