@@ -1,7 +1,7 @@
 """The figure of a judgement: errors of all moments with their intervals."""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -10,9 +10,6 @@ from matplotlib.figure import Figure
 
 from rattle.compare.judge.verdict import JUDGED
 from rattle.compare.report.style import ACCURATE_COLOUR, STYLE, SYMBOL, legend_above, new_figure
-
-if TYPE_CHECKING:
-    from rattle.compare.judge.result import Judgement
 
 LINEAR_ERRORS = 0.1  # the axis of errors is linear up to this many sds, logarithmic beyond
 PANELS_IN_A_ROW = 4
@@ -55,8 +52,8 @@ def error_panel(
     ax.set_ylim(-limit, limit)
 
 
-def draw_errors(found: "Judgement") -> Figure:
-    """A panel for each quantity and moment."""
+def draw_errors(found: Any) -> Figure:
+    """A panel for each quantity and moment of a `rattle.compare.Judgement`."""
     table = found.table[found.table["verdict"].isin(JUDGED) & (found.table["unit"] > 0.0)]
     labels = list(dict.fromkeys(found.table[found.label]))
     numbers = {label: number for number, label in enumerate(labels, start=1)}

@@ -4,7 +4,6 @@ import time
 from pathlib import Path
 from typing import Any
 
-from rattle.compare.judge.result import Judgement
 from rattle.compare.judge.verdict import JUDGED, MARKS, Verdict
 from rattle.compare.report.folder import name_of
 from rattle.compare.report.provenance import provenance
@@ -16,8 +15,8 @@ MOST_ROWS = 200
 """Rows that the page shows; the table files hold all of them."""
 
 
-def make_report(found: Judgement, record: dict[str, Any]) -> Report:
-    """The report on a judgement."""
+def make_report(found: Any, record: dict[str, Any]) -> Report:
+    """The report on a `rattle.compare.Judgement`."""
     table = found.table
     shown = table[table["verdict"].isin(JUDGED)]
     order = shown["verdict"].map({Verdict.INACCURATE: 0, Verdict.UNDECIDED: 1, Verdict.ACCURATE: 2})
@@ -54,7 +53,7 @@ def make_report(found: Judgement, record: dict[str, Any]) -> Report:
     )
 
 
-def write_judgement(found: Judgement, out: Path, overwrite: bool) -> Path:
+def write_judgement(found: Any, out: Path, overwrite: bool) -> Path:
     """Write the page of a judgement that was made in Python."""
     origin = {"wall_seconds": None, "cpu_seconds": round(time.process_time(), 1)}
     record = {"name": name_of(out)} | provenance() | origin
