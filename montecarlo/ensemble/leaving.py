@@ -23,10 +23,16 @@ from scipy.special import chdtri
 from rattle.montecarlo.branches.choose import LIKELY
 from rattle.montecarlo.branches.search import search_of
 from rattle.montecarlo.ensemble.aim import ENOUGH_PATHS, Exit, aim, share_out
-from rattle.montecarlo.kernel.block import BLOCK, CODES, Followers, count_followed
+from rattle.montecarlo.kernel.block import (
+    BLOCK,
+    CODES,
+    Followers,
+    follow_itinerary,
+    sample_mixture,
+)
 from rattle.montecarlo.kernel.mixture import mixture_of
-from rattle.montecarlo.kernel.weighted_paths import sample_mixture
 from rattle.montecarlo.schemes.step_size import default_step
+from rattle.montecarlo.seed import child_seed
 from rattle.montecarlo.settings import EXACT_SCHEME, NOISE_FREE, begins
 from rattle.montecarlo.statistics.intervals import CONFIDENCE
 from rattle.scene import Floats
@@ -117,16 +123,14 @@ def _sample_near(run: Any, exits: Sequence[Exit]) -> Floats:
     if not exits:
         return left
     mixture = mixture_of(*share_out(exits), np.zeros((run.plan.impacts, 6)), BLOCK)
-    seed = np.random.SeedSequence(
-        run.plan.seed.entropy, spawn_key=(*run.plan.seed.spawn_key, LEAVING_KEY)
-    )
+    seed = child_seed(run.plan.seed, LEAVING_KEY)
     dt = default_step(run.plan.scene, EXACT_SCHEME)
     most = math.ceil(run.plan.most_steps * run.plan.dt / dt)
     scene = run.plan.scene.phase_reduced
     plan = run.plan._replace(scene=scene, scheme=EXACT_SCHEME, dt=dt, most_steps=most, seed=seed)
-    itinerary = np.array(run.plan.itineraries[NOISE_FREE], dtype=float)
+    itinerary = run.plan.itineraries[NOISE_FREE]
     blocks = max(LEAST_BLOCKS, BLOCKS_OF_AN_EXIT * len(exits))
     for block in range(blocks):
         rows, weights, _, _ = sample_mixture(plan, mixture, block)
-        count_followed(rows, weights, itinerary, np.zeros(BLOCK), left)
+        follow_itinerary(rows, weights, itinerary, left)
     return _share(left, blocks * BLOCK)

@@ -181,31 +181,24 @@ def _add_states(
     c: Constants, states: Floats, sine: Floats, cosine: Floats, walls: Floats, p: int, main: Floats
 ) -> None:
     """Add the states of a path, and their work."""
-    near1 = 2.0 * NEAR_FLANK * c.wall1
-    near2 = 2.0 * NEAR_FLANK * c.wall2
-    open1 = open2 = closed1 = closed2 = squared1 = squared2 = moved1 = moved2 = 0.0
-    for k in range(len(states)):
-        y1 = states[k, 1]
-        closed1 += y1 == 0.0  # in flight with probability 0
-        open1 += near1 - walls[1, p] < states[k, 0] < walls[0, p] - near1
-        squared1 += y1 * y1
-        moved1 += (c.beta1 * cosine[k] - sine[k]) * y1
-    if c.stages == 2:
+    for i in range(c.stages):
+        wall, beta, driver = (c.wall1, c.beta1, 0.0) if i == 0 else (c.wall2, c.beta2, 1.0)
+        near = 2.0 * NEAR_FLANK * wall
+        high = walls[2 * i, p]
+        low = walls[2 * i + 1, p]
+        closed = is_open = squared = moved = 0.0
         for k in range(len(states)):
-            y2 = states[k, 3]
-            v = y2 - states[k, 1]
-            closed2 += y2 == 0.0
-            open2 += near2 - walls[3, p] < states[k, 2] < walls[2, p] - near2
-            squared2 += v * v
-            moved2 += (c.beta2 * cosine[k] - sine[k]) * v
-    main[CONTACT] += closed1
-    main[CONTACT + 1] += closed2
-    main[OPEN] += open1
-    main[OPEN + 1] += open2
-    main[WORK] += squared1
-    main[WORK + 1] += squared2
-    main[WORK + 2] += moved1
-    main[WORK + 3] += moved2
+            x = states[k, 2 * i]
+            y = states[k, 2 * i + 1]
+            v = y - driver * states[k, 1]  # of the wheel, seen from the driver
+            closed += y == 0.0  # in flight with probability 0
+            is_open += near - low < x < high - near
+            squared += v * v
+            moved += (beta * cosine[k] - sine[k]) * v
+        main[CONTACT + i] += closed
+        main[OPEN + i] += is_open
+        main[WORK + i] += squared
+        main[WORK + 2 + i] += moved
 
 
 @internal
@@ -257,7 +250,7 @@ def add_stretch(
             main[4 * g + ENERGY] += lost
             main[4 * g + SLOW] += slow
             if detail:
-                flight = now - max(last[0], last[1])
+                flight = rows[p, k, 1]
                 own = now - last[mesh - 1]
                 _add_value(s, p, 0, FLIGHT, flight)
                 s.products[p, 0, 1] += lost * flight

@@ -203,31 +203,16 @@ def carry_along(
     if done < path.at_step.size:
         carry = path.carry[n]
         noise = path.noise[n]
-        x1 = xi[0]
-        y1 = xi[1]
-        x2 = xi[2]
-        y2 = xi[3]
-        last = xi[4]
         for p in range(live):
-            a = x1[p]
-            b = y1[p]
-            c = x2[p]
-            d = y2[p]
-            e = last[p]
-            x1[p] = carry[0, 0] * a + carry[0, 1] * b + carry[0, 2] * c + carry[0, 3] * d
-            y1[p] = carry[1, 0] * a + carry[1, 1] * b + carry[1, 2] * c + carry[1, 3] * d
-            x2[p] = carry[2, 0] * a + carry[2, 1] * b + carry[2, 2] * c + carry[2, 3] * d
-            y2[p] = carry[3, 0] * a + carry[3, 1] * b + carry[3, 2] * c + carry[3, 3] * d
-            last[p] = (
-                carry[4, 0] * a
-                + carry[4, 1] * b
-                + carry[4, 2] * c
-                + carry[4, 3] * d
-                + carry[4, 4] * e
-            )
-        for i in range(5):
-            for p in range(live):
-                xi[i, p] += noise[0, i] * w[p] + noise[1, i] * area[p]
+            a = xi[0, p]
+            b = xi[1, p]
+            c = xi[2, p]
+            d = xi[3, p]
+            e = xi[4, p]
+            for i in range(5):
+                m = carry[i]
+                pushed = noise[0, i] * w[p] + noise[1, i] * area[p]
+                xi[i, p] = (m[0] * a + m[1] * b + m[2] * c + m[3] * d + m[4] * e) + pushed
     return done
 
 

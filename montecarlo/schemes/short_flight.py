@@ -152,16 +152,16 @@ def _fly(
     return end, (-second_end, first_end, -third_end, phase[3] + h)
 
 
-@lean
-def kick(c: Constants, tau: float, h: float, increment: float, area: float) -> State:
-    """Displacement at the end of a time h by given noise alone (Eq. 5)."""
-    quiet = Constants(
-        0.0,
+@inline
+def under(c: Constants, alpha: float, gamma1: float, gamma2: float) -> Constants:
+    """The scene under another excitation and other drags."""
+    return Constants(
+        alpha,
         c.epsilon,
         c.beta1,
         c.beta2,
-        0.0,
-        0.0,
+        gamma1,
+        gamma2,
         c.mu,
         c.wall1,
         c.wall2,
@@ -170,4 +170,10 @@ def kick(c: Constants, tau: float, h: float, increment: float, area: float) -> S
         c.drive,
         c.memory,
     )
+
+
+@lean
+def kick(c: Constants, tau: float, h: float, increment: float, area: float) -> State:
+    """Displacement at the end of a time h by given noise alone (Eq. 5)."""
+    quiet = under(c, 0.0, 0.0, 0.0)
     return short_flight(quiet, phase_at(c.drive, tau), h, (0.0, 0.0, 0.0, 0.0), increment, area)[0]

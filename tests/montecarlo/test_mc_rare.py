@@ -13,9 +13,8 @@ from random_gears import PAIR_A
 from rattle.montecarlo import simulate, simulate_rare, simulate_to
 from rattle.montecarlo.branches.choose import _share_out, choose_mixture
 from rattle.montecarlo.branches.search import BranchSearch
-from rattle.montecarlo.kernel.block import BLOCK, run
+from rattle.montecarlo.kernel.block import BLOCK, run, sample_mixture
 from rattle.montecarlo.kernel.mixture import mixture_of, tail
-from rattle.montecarlo.kernel.weighted_paths import sample_mixture
 from rattle.montecarlo.settings import NOISE_FREE, plan_of
 from rattle.montecarlo.statistics.section_statistics import single_statistics
 from rattle.montecarlo.statistics.weighted_sums import WEIGHTED_ORDERS, WeightedSums, add
