@@ -326,7 +326,8 @@ def run(plan: Plan, block: int) -> tuple[BlockResult, Floats | None]:
             rows[:, :, 4:6] = 0.0  # a single stage leaves these columns undefined
         sums = {"weighted": _weighted_sums(plan, mixture, rows, weights)}
     first = raw.rows[0]
-    codes = np.array([np.where(first[:, :, 6] == code, weights, 0.0).sum(axis=0) for code in CODES])
+    codes = np.zeros((plan.impacts, len(CODES)))
+    _count_codes(first, weights, codes)
     agreeing = {}
     for name, itinerary in plan.itineraries.items():
         agreeing[name], stays, left = follow_itinerary(first, weights, itinerary)
@@ -340,14 +341,14 @@ def run(plan: Plan, block: int) -> tuple[BlockResult, Floats | None]:
         followers[name] = Followers(apart, left)
     if mixture is not None:
         # in paths: their weights add up to the number of paths only on average
-        scale = np.isfinite(first[:, :, 6]).sum(axis=0) / np.maximum(codes.sum(axis=0), 1e-300)
-        codes = codes * scale
+        scale = np.isfinite(first[:, :, 6]).sum(axis=0) / np.maximum(codes.sum(axis=1), 1e-300)
+        codes = codes * scale[:, None]
         agreeing = {name: count * scale for name, count in agreeing.items()}
     kept_rows = first.copy() if plan.keep else None
     if kept_rows is not None and plan.scene.stages == 1:
         kept_rows[:, :, 4:6] = np.nan  # a single stage leaves these columns undefined
     counts = raw.path_steps, raw.sticking_steps, raw.unfinished
-    return BlockResult(sums, codes.T, agreeing, *counts, followers), kept_rows
+    return BlockResult(sums, codes, agreeing, *counts, followers), kept_rows
 
 
 def _follower_sums(
@@ -379,6 +380,19 @@ def energy_losses(c: Constants, rows: Floats) -> Floats:
     y2 = rows[..., 5:6]
     first = np.abs(rows[..., 6:]) == 1.0
     return np.where(first, energy_loss(c, 1, y1, y2), energy_loss(c, 2, y1, y2))
+
+
+@lean
+def _count_codes(rows: Floats, weights: Floats, codes: Floats) -> None:
+    """Add the weight of each of `CODES` at each impact.
+
+    Shapes: `rows` (paths, impacts, COLUMNS); `weights` (paths, impacts); `codes` (impacts, CODES).
+    """
+    paths, impacts = weights.shape
+    for p in range(paths):
+        for k in range(impacts):
+            for i, code in enumerate(CODES):
+                codes[k, i] += weights[p, k] * (rows[p, k, 6] == code)
 
 
 def follow_itinerary(

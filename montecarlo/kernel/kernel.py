@@ -11,7 +11,7 @@ import numpy as np
 from rattle.montecarlo.kernel.mixture import BranchMixture, condition, weigh
 from rattle.montecarlo.noise.backlash import Backlash, half_gap
 from rattle.montecarlo.noise.brownian import Noise
-from rattle.montecarlo.noise.memory import Memory, color_increments, color_noise
+from rattle.montecarlo.noise.memory import Memory, color_noise
 from rattle.montecarlo.noise.philox import Key, Word, fill_normals, fill_signs, fill_words
 from rattle.montecarlo.schemes import lanes as vector
 from rattle.montecarlo.schemes.control_variate import LinearPath, carry_along
@@ -141,8 +141,11 @@ def finish_inside(
             x1, y1, x2, y2 = at.state
             y1, y2 = rebound(job.c, abs(at.code), y1, y2)
             at = Progress(0, at.tau, at.left, at.noise, (x1, y1, x2, y2))
-    for i in range(4):
-        state[i, p] = at.state[i]
+    x1, y1, x2, y2 = at.state
+    state[0, p] = x1
+    state[1, p] = y1
+    state[2, p] = x2
+    state[3, p] = y2
     return sticking
 
 
@@ -162,10 +165,7 @@ def draw_noise(has_area: bool, job: Job, n: int, room: Room, wide: int) -> tuple
     w = z[use * (4 // draws)]
     area = z[2 * use + 1 if has_area else 4]
     if job.c.memory > 0.0 and job.c.sigma != 0.0:
-        if has_area:
-            color_noise(job.memory, room.eta, w, area, wide)
-        else:
-            color_increments(job.memory, room.eta, w, wide)
+        color_noise(job.memory, room.eta, w, area, has_area, wide)
     return w, area
 
 
@@ -257,9 +257,8 @@ def record_states(every: Lanes, room: Room, out: Output, k: int, live: int) -> N
 def block_kernel(scheme: Scheme) -> Callable[..., tuple[int, int]]:
     """Kernel that follows a block of paths by one scheme; code of other schemes is not compiled in.
 
-    It follows each path from tau on until it has had its impacts, or so many finest steps, at one
-    or more step sizes on the same Brownian path (level l has the step ``2**l dt``), and returns the
-    number of path-steps, and of those in which a mesh stayed closed to the end.
+    It follows paths from tau on until they have had their impacts, or so many finest steps, at step
+    sizes ``2**level dt`` on the same Brownian path; gives path-steps, and in how many a mesh stuck.
     """
     has_area = scheme.normals == 2
     at_end = scheme.detects_at_end
@@ -301,7 +300,6 @@ def block_kernel(scheme: Scheme) -> Callable[..., tuple[int, int]]:
                     h = job.dt * multiple
                     begin = tau + (n - multiple) * job.dt
                     step_lanes(job.c, begin, h, job.backlash.random, lanes, room.marks, wide)
-                    phase = phase_at(job.c.drive, begin)
                     sticking += finish_marked(
                         advance,
                         find_sticking,
@@ -312,7 +310,7 @@ def block_kernel(scheme: Scheme) -> Callable[..., tuple[int, int]]:
                         n,
                         level,
                         begin,
-                        phase,
+                        phase_at(job.c.drive, begin),
                         lanes,
                         room,
                         out,

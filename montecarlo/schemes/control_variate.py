@@ -15,10 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rattle.montecarlo.noise.philox import Word
+from rattle.montecarlo.schemes.lanes import four
 from rattle.montecarlo.schemes.short_flight import kick
 from rattle.montecarlo.statistics.central_sums import CentralSums
 from rattle.scene import SECTION, Bools, Constants, Floats, Ints, Scene
-from rattle.scene.compiled import lean_internal
+from rattle.scene.compiled import inline, lean_internal
 from rattle.scene.flight import field, jacobian
 from rattle.scene.impact import slowest_impact
 from rattle.scene.linear_algebra import product, transform
@@ -171,6 +172,13 @@ def linear_path(scene: Scene, impacts: int, dt: float) -> LinearPath:
     return program
 
 
+@inline
+def _row(m: Floats, v: tuple[float, ...]) -> float:
+    """Product of a row of a propagator with a perturbation."""
+    total: float = m[0] * v[0] + m[1] * v[1] + m[2] * v[2] + m[3] * v[3] + m[4] * v[4]
+    return total
+
+
 @lean_internal
 def carry_along(
     path: LinearPath,
@@ -203,16 +211,18 @@ def carry_along(
     if done < path.at_step.size:
         carry = path.carry[n]
         noise = path.noise[n]
+        x1, y1, x2, y2 = four(xi)
+        last = xi[4]
         for p in range(live):
-            a = xi[0, p]
-            b = xi[1, p]
-            c = xi[2, p]
-            d = xi[3, p]
-            e = xi[4, p]
-            for i in range(5):
-                m = carry[i]
-                pushed = noise[0, i] * w[p] + noise[1, i] * area[p]
-                xi[i, p] = (m[0] * a + m[1] * b + m[2] * c + m[3] * d + m[4] * e) + pushed
+            state = x1[p], y1[p], x2[p], y2[p], last[p]
+            x1[p] = _row(carry[0], state)
+            y1[p] = _row(carry[1], state)
+            x2[p] = _row(carry[2], state)
+            y2[p] = _row(carry[3], state)
+            last[p] = _row(carry[4], state)
+        for i in range(5):
+            for p in range(live):
+                xi[i, p] += noise[0, i] * w[p] + noise[1, i] * area[p]
     return done
 
 

@@ -38,7 +38,7 @@ CUBIC_PIECES = 8  # of the interval in which the first zero of a cubic that turn
 
 
 @lean
-def margins(c: Constants, sine: float, cosine: float, h: float) -> tuple[float, float]:
+def margins(c: Constants, phase: Phase, h: float) -> tuple[float, float]:
     """Margins on the inner Bernstein coefficients of both stages' cubics, for noise and for the
     interpolation error.
 
@@ -48,8 +48,10 @@ def margins(c: Constants, sine: float, cosine: float, h: float) -> tuple[float, 
     """
     spread = MARGIN_SDS * abs(c.sigma) * h * math.sqrt(h) * SCALE
     most = most_modulation(c.drive, c.beta1)  # of y1
-    first = min(most, abs(c.beta1 * cosine - sine) + h * most_modulation_rate(c.drive, c.beta1))
-    driver = min(most_velocity(c.drive), abs(cosine) + h * most_acceleration(c.drive))
+    first = min(
+        most, abs(c.beta1 * phase[1] - phase[0]) + h * most_modulation_rate(c.drive, c.beta1)
+    )
+    driver = min(most_velocity(c.drive), abs(phase[1]) + h * most_acceleration(c.drive))
     # the last term: noise of y1 acting on y2
     second = abs(c.beta1 - c.beta2) * (driver + h * first)
     force = c.alpha * most + c.gamma1 + c.gamma2
@@ -173,21 +175,28 @@ def noise_free_reach(c: Constants, mesh: int, speed: float, other: float, wall: 
 
 
 @inline
+def _cut_stage(
+    c: Constants, mesh: int, s: State, end: State, h: float, margin: float, walls: Walls
+) -> float:
+    """Share of a trial at which to cut it, over both walls of a stage; an end within the reach of a
+    noise-free flight counts as an impact."""
+    x0, y0, _ = of_mesh(mesh, s)
+    x1, y1, other = of_mesh(mesh, end)
+    high, low = flanks_of(mesh, walls)
+    wall = c.wall1 if mesh == 1 else c.wall2
+    rest = CLOSE_TO_WALL * wall
+    close = noise_free_reach(c, mesh, y1, other, wall)
+    return min(
+        _cut_at(high - x0, -y0, high - x1, -y1, h, margin, rest, close),
+        _cut_at(low + x0, y0, low + x1, y1, h, margin, rest, close),
+    )
+
+
+@inline
 def cut_share(c: Constants, phase: Phase, s: State, end: State, h: float, walls: Walls) -> float:
-    """Share of a trial at which to cut it, over all walls; an end within the reach of a noise-free
-    flight counts as an impact."""
-    margin1, margin2 = margins(c, phase[0], phase[1], h)
-    cut = 1.0
-    for mesh in range(1, c.stages + 1):
-        x0, y0, _ = of_mesh(mesh, s)
-        x1, y1, other = of_mesh(mesh, end)
-        high, low = flanks_of(mesh, walls)
-        wall, margin = (c.wall1, margin1) if mesh == 1 else (c.wall2, margin2)
-        rest = CLOSE_TO_WALL * wall
-        close = noise_free_reach(c, mesh, y1, other, wall)
-        cut = min(
-            cut,
-            _cut_at(high - x0, -y0, high - x1, -y1, h, margin, rest, close),
-            _cut_at(low + x0, y0, low + x1, y1, h, margin, rest, close),
-        )
+    """Share of a trial at which to cut it, over all walls."""
+    margin1, margin2 = margins(c, phase, h)
+    cut = _cut_stage(c, 1, s, end, h, margin1, walls)
+    if c.stages == 2:
+        cut = min(cut, _cut_stage(c, 2, s, end, h, margin2, walls))
     return cut

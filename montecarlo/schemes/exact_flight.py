@@ -86,7 +86,7 @@ def flight_forcing(c: Constants, tau: float, h: float) -> FlightForcing:
     """Everything in a step that is the same for all paths."""
     p = pair(c.beta1, c.beta2, h)
     phase = phase_at(c.drive, tau)
-    margin1, margin2 = margins(c, phase[0], phase[1], h)
+    margin1, margin2 = margins(c, phase, h)
     drift, _ = short_flight(c, phase, h, (0.0, 0.0, 0.0, 0.0), 0.0, 0.0)
     along = kick(c, tau, h, math.sqrt(h), 0.0)
     across = kick(c, tau, h, 0.0, math.sqrt(h / 12.0))
@@ -219,14 +219,20 @@ def _struck(
 
 
 @inline
+def _part(ahead: Floats, top: int) -> tuple[float, Noise]:
+    """Length and noise of a part of the step on the stack."""
+    return ahead[top, 0], Noise(ahead[top, 1], ahead[top, 2])
+
+
+@inline
 def _join(ahead: Floats, top: int) -> Noise:
     """Noise of all waiting parts below `top` of the stack."""
     noise = Noise(0.0, 0.0)
     length = 0.0
     for i in range(top):  # from the end of the step backwards
-        whole = length + ahead[i, 0]
-        noise = join(Noise(ahead[i, 1], ahead[i, 2]), noise, ahead[i, 0] / whole)
-        length = whole
+        h, part = _part(ahead, i)
+        length = length + h
+        noise = join(part, noise, h / length)
     return noise
 
 
@@ -265,14 +271,11 @@ def advance_exactly(
     end = inside.whole  # known as long as there was no impact in this step
     turned = phase
     flown = met != 0
-    cuts = 0
-    top = 0
-    z3 = 0.0
-    z4 = 0.0
+    cuts = top = 0
+    z3 = z4 = 0.0
     _put(ahead, 0, left, at.noise)
     while True:
-        h = ahead[top, 0]
-        noise = Noise(ahead[top, 1], ahead[top, 2])
+        h, noise = _part(ahead, top)
         if flown:
             end, turned = short_flight(c, phase, h, s, noise.increment, noise.area)
         cut = cut_share(c, phase, s, end, h, walls)
@@ -293,16 +296,14 @@ def advance_exactly(
             s = end
             phase = turned
             top -= 1
-            h = ahead[top, 0]
-            noise = Noise(ahead[top, 1], ahead[top, 2])
+            h, noise = _part(ahead, top)
             if reach >= h or h <= tick:
                 continue
             cut = reach / h
         flown = True
         if c.memory > 0.0:
             # the integral of noise with a memory is a parabola within the step
-            z1 = 0.0
-            z2 = 0.0
+            z1 = z2 = 0.0
         elif cuts & 1 == 0:
             purpose = Word(BRIDGE + inside.level)
             z1, z2, z3, z4 = normals(inside.key, inside.path, index + Word(cuts >> 1), purpose)
