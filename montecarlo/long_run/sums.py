@@ -177,28 +177,32 @@ def _add_to_section(s: Sums, p: int, mesh: int, tau: float, y: float) -> None:
 
 
 @inline
-def _add_states(
-    c: Constants, states: Floats, sine: Floats, cosine: Floats, walls: Floats, p: int, main: Floats
+def _add_wheel(
+    i: int,
+    wall: float,
+    beta: float,
+    states: Floats,
+    sine: Floats,
+    cosine: Floats,
+    walls: Floats,
+    p: int,
+    main: Floats,
 ) -> None:
-    """Add the states of a path, and their work."""
-    for i in range(c.stages):
-        wall, beta, driver = (c.wall1, c.beta1, 0.0) if i == 0 else (c.wall2, c.beta2, 1.0)
-        near = 2.0 * NEAR_FLANK * wall
-        high = walls[2 * i, p]
-        low = walls[2 * i + 1, p]
-        closed = is_open = squared = moved = 0.0
-        for k in range(len(states)):
-            x = states[k, 2 * i]
-            y = states[k, 2 * i + 1]
-            v = y - driver * states[k, 1]  # of the wheel, seen from the driver
-            closed += y == 0.0  # in flight with probability 0
-            is_open += near - low < x < high - near
-            squared += v * v
-            moved += (beta * cosine[k] - sine[k]) * v
-        main[CONTACT + i] += closed
-        main[OPEN + i] += is_open
-        main[WORK + i] += squared
-        main[WORK + 2 + i] += moved
+    """Add the states of a wheel, the first or the second, and their work."""
+    near = 2.0 * NEAR_FLANK * wall
+    closed = is_open = squared = moved = 0.0
+    for k in range(len(states)):
+        x = states[k, 2 * i]
+        y = states[k, 2 * i + 1]
+        v = y if i == 0 else y - states[k, 1]  # seen from the driver
+        closed += y == 0.0  # in flight with probability 0
+        is_open += near - walls[2 * i + 1, p] < x < walls[2 * i, p] - near
+        squared += v * v
+        moved += (beta * cosine[k] - sine[k]) * v
+    main[CONTACT + i] += closed
+    main[OPEN + i] += is_open
+    main[WORK + i] += squared
+    main[WORK + 2 + i] += moved
 
 
 @internal
@@ -269,7 +273,9 @@ def add_stretch(
         if two:
             for column in range(4):
                 main[column] = main[4 + column] + main[8 + column]
-        _add_states(c, states[p], sine, cosine, walls, p, main)
+        _add_wheel(0, c.wall1, c.beta1, states[p], sine, cosine, walls, p, main)
+        if two:
+            _add_wheel(1, c.wall2, c.beta2, states[p], sine, cosine, walls, p, main)
 
 
 def no_scales(slow: float) -> Scales:

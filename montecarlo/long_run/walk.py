@@ -55,6 +55,7 @@ class Block(NamedTuple):
     counters: Ints  # of what `BEGIN` to `LONG` say
 
 
+@jit
 def impacts_of(rows: Floats, impacts: Ints, struck: Floats) -> Floats:
     """The impacts of a stretch one below the other, path by path.
 
@@ -62,16 +63,18 @@ def impacts_of(rows: Floats, impacts: Ints, struck: Floats) -> Floats:
     mesh. Shapes: `rows` (paths, impacts or more, COLUMNS); `impacts` (paths,); `struck` (paths, 2);
     result (impacts, 4).
     """
-    taken = rows[np.arange(rows.shape[1]) < impacts[:, None]]
-    path = np.repeat(np.arange(len(rows)), impacts)
-    mesh = np.abs(taken[:, 6]).astype(int)
-    velocity = taken[np.arange(len(taken)), 2 * mesh + 1]
-    out = np.column_stack([mesh, taken[:, 1], taken[:, 1], velocity])
-    for m in (1, 2):
-        here = mesh == m
-        tau = taken[here, 0]
-        first = np.diff(path[here], prepend=-1) > 0
-        out[here, 2] = tau - np.where(first, struck[path[here], m - 1], np.roll(tau, 1))
+    out = np.empty((impacts.sum(), 4))
+    n = 0
+    for p in range(len(rows)):
+        for k in range(impacts[p]):
+            row = rows[p, k]
+            mesh = int(abs(row[6]))
+            out[n, 0] = mesh
+            out[n, 1] = row[1]
+            out[n, 2] = row[0] - struck[p, mesh - 1]
+            out[n, 3] = row[2 * mesh + 1]
+            struck[p, mesh - 1] = row[0]
+            n += 1
     return out
 
 

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from rattle.montecarlo.noise.philox import Word
 from rattle.montecarlo.schemes.lanes import four
 from rattle.montecarlo.schemes.short_flight import kick
+from rattle.montecarlo.schemes.step_state import State
 from rattle.montecarlo.statistics.central_sums import CentralSums
 from rattle.scene import SECTION, Bools, Constants, Floats, Ints, Scene
 from rattle.scene.compiled import inline, lean_internal
@@ -173,9 +174,9 @@ def linear_path(scene: Scene, impacts: int, dt: float) -> LinearPath:
 
 
 @inline
-def _row(m: Floats, v: tuple[float, ...]) -> float:
-    """Product of a row of a propagator with a perturbation."""
-    total: float = m[0] * v[0] + m[1] * v[1] + m[2] * v[2] + m[3] * v[3] + m[4] * v[4]
+def _row(m: Floats, v: State) -> float:
+    """Product of a row of a propagator with the perturbation of a state."""
+    total: float = m[0] * v[0] + m[1] * v[1] + m[2] * v[2] + m[3] * v[3]
     return total
 
 
@@ -214,12 +215,12 @@ def carry_along(
         x1, y1, x2, y2 = four(xi)
         last = xi[4]
         for p in range(live):
-            state = x1[p], y1[p], x2[p], y2[p], last[p]
+            state = x1[p], y1[p], x2[p], y2[p]
             x1[p] = _row(carry[0], state)
             y1[p] = _row(carry[1], state)
             x2[p] = _row(carry[2], state)
             y2[p] = _row(carry[3], state)
-            last[p] = _row(carry[4], state)
+            last[p] = _row(carry[4], state) + carry[4, 4] * last[p]
         for i in range(5):
             for p in range(live):
                 xi[i, p] += noise[0, i] * w[p] + noise[1, i] * area[p]
