@@ -127,7 +127,7 @@ def _by_influence(branches: tuple[Branch, ...], sd: Floats) -> list[Branch]:
     """Rare branches by what they are expected to add to the kurtosis of a row, the most influential
     first."""
     rare = [b for b in branches if b.probability < LIKELY and b.shift.any()]
-    added = [(float((np.abs(b.fourth) / sd**4).max()), b) for b in rare]
+    added = [(float((np.abs(b.added[2]) / sd**4).max()), b) for b in rare]
     return [b for most, b in sorted(added, key=lambda one: -one[0]) if most > 0.1 * LEAST_KURTOSIS]
 
 
@@ -142,7 +142,7 @@ def _probe(plan: Plan, centre: Floats, sd: Floats, branch: Branch, number: int) 
     rows, weights, _, _ = sample_mixture(probe, mixture, 0)
     near = int(mixture.counts[:-1].sum())
     fourth = weights[:near, :, None] * ((rows[:near, :, :6] - centre) / sd) ** 4
-    predicted = np.abs(branch.fourth) / sd**4
+    predicted = np.abs(branch.added[2]) / sd**4
     missed = 3.0 * tail(float(mixture.level[0, -1])) / (near * SPLIT[-1])
     return np.asarray(
         np.maximum(

@@ -61,17 +61,18 @@ def find_leaving(run: Any, followers: Mapping[str, Followers]) -> pd.DataFrame:
     ]
     near = _sample_near(run, aimed)
     one_path = 1.0 / run.paths
-    listed, near_ones = ({(one.impact, one.code) for one in some} for some in (exits, aimed))
+    listed, near_ones = ([(one.impact, one.code) for one in some] for some in (exits, aimed))
     rows = []
     for k, i in np.ndindex(plain.shape[1:]):
         key = (k + 1, CODES[i])
-        is_near = (k + 1, CODES[i]) in near_ones
+        is_near = key in near_ones
         total, squares, largest = near[:, k, i] if is_near else plain[:, k, i]
         if key not in listed and total == 0.0:
             continue
         bounds = interval(total, squares, max(largest, 0.0 if is_near else one_path))
         paths = total**2 / squares if squares > 0.0 else 0.0
-        rows.append((k + 1, abs(CODES[i]), int(np.sign(CODES[i])), total, *bounds, paths, is_near))
+        side = int(np.sign(CODES[i]))
+        rows.append((k + 1, abs(CODES[i]), side, total, *bounds, paths, is_near))
     return pd.DataFrame(rows, columns=LEAVING_COLUMNS).astype({"near": bool})
 
 

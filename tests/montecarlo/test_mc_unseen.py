@@ -11,7 +11,7 @@ from rattle.compare.validation import errors
 from rattle.compare.validation.errors import section_errors
 from rattle.montecarlo import simulate
 from rattle.montecarlo.branches import search as branches
-from rattle.montecarlo.branches.search import BranchSearch, rare_events
+from rattle.montecarlo.branches.search import BranchSearch
 from rattle.montecarlo.diagnostics.unseen import Unseen
 from rattle.montecarlo.looks import widest
 from rattle.scene import DAT21, Scene
@@ -23,7 +23,7 @@ the branch)."""
 
 
 def test_a_rare_branch_has_the_probability_and_the_size_that_eight_million_paths_show():
-    found = rare_events(PAIR_B, 2)
+    found = BranchSearch(PAIR_B, 2).until(1.0)
     (branch,) = [b for b in found.branches if b.impact == 1]
     assert abs(branch.probability - PROBABILITY) < 4.0 * PROBABILITY / np.sqrt(63.0)
     gap = branch.section[:, 1, 5] - found.orbit[1, 5]
@@ -56,13 +56,13 @@ def test_negative_control_without_the_bound_it_is(monkeypatch):
 
 
 def test_where_no_other_event_is_near_nothing_is_counted():
-    assert rare_events(Scene.from_gears(DAT21, sigma=0.01), 12).branches == ()
+    assert BranchSearch(Scene.from_gears(DAT21, sigma=0.01), 12).until(1.0).branches == ()
 
 
 def test_a_branch_whose_window_lies_between_the_points_of_the_grid_is_found():
     """Below sigma = 0.07 it was lost, from one noise intensity to the next."""
     sigmas = (0.055, 0.06, 0.065, 0.07)
-    found = [rare_events(Scene.from_gears(DAT21, sigma=s), 1).branches for s in sigmas]
+    found = [BranchSearch(Scene.from_gears(DAT21, sigma=s), 1).until(1.0).branches for s in sigmas]
     assert [(b.mesh, b.side) for (b,) in found] == [(2, -1)] * 4
     np.testing.assert_allclose(
         [b.beta * s for (b,), s in zip(found, sigmas, strict=True)], 0.328, rtol=5e-3
@@ -71,7 +71,7 @@ def test_a_branch_whose_window_lies_between_the_points_of_the_grid_is_found():
 
 def test_an_orbit_that_ends_leaves_later_impacts_unknown():
     scene = Scene(alpha=0.0, epsilon=0.5, beta1=5.0, gamma1=0.0, stages=1, sigma=1e-6)
-    found = rare_events(scene, 3)
+    found = BranchSearch(scene, 3).until(1.0)
     assert found.known < 3
     assert found.why
 
@@ -90,12 +90,12 @@ def test_one_search_serves_all_probabilities(monkeypatch):
     apart = []
     for least in wanted:
         flights.clear()
-        apart.append([b.probability for b in rare_events(scene, 12, least).branches])
+        apart.append([b.probability for b in BranchSearch(scene, 12).until(least).branches])
         assert len(flights) <= together
     assert found == apart
     assert len({len(b) for b in found}) > 1
     flights.clear()
-    rare_events(scene, 12, min(wanted))
+    BranchSearch(scene, 12).until(min(wanted))
     assert together == len(flights)
 
 
