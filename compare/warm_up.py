@@ -79,7 +79,7 @@ def tasks(orders: int = 1) -> dict[str, Task]:
     from rattle.closure.stationary import linear_law
     from rattle.compare.chaos.exponents import lyapunov
     from rattle.montecarlo import SCHEMES
-    from rattle.montecarlo.branches.search import rare_events
+    from rattle.montecarlo.branches.search import BranchSearch
     from rattle.montecarlo.coupling.paths import LongPath, growths
     from rattle.montecarlo.long_run import long_run
     from rattle.scene.long_orbit import attractor
@@ -122,8 +122,8 @@ def tasks(orders: int = 1) -> dict[str, Task]:
         **closures,
         "gaps that vary by path": partial(simulate, by_path),
         "the long run, one stage": partial(long_run, single, paths=16, periods=64),
-        "rare branches": partial(rare_events, scene, 4),
-        "rare branches, one stage": partial(rare_events, single, 4),
+        "rare branches": lambda: BranchSearch(scene, 4).until(1.0),
+        "rare branches, one stage": lambda: BranchSearch(single, 4).until(1.0),
     }
     return found
 

@@ -24,6 +24,11 @@ def read_seed(rng: Rng) -> int | np.random.SeedSequence:
     return rng if isinstance(rng, np.random.SeedSequence) else count("rng", rng, least=0)
 
 
+def child_seed(seed: np.random.SeedSequence, *keys: int) -> np.random.SeedSequence:
+    """The child of a seed that some keys name."""
+    return np.random.SeedSequence(seed.entropy, spawn_key=(*seed.spawn_key, *keys))
+
+
 def read_whole_seed(rng: Rng) -> int:
     """The same as a whole number, for results that are stored under it."""
     seed = read_seed(rng)

@@ -17,7 +17,7 @@ from kept_tables import Table, keep, median_and_most, short
 
 from rattle.montecarlo import AccuracyWarning, simulate, simulate_to
 from rattle.montecarlo.accuracy.cost import cost_of, cost_to
-from rattle.montecarlo.diagnostics.accuracy import units_by_quantity
+from rattle.montecarlo.diagnostics.accuracy import units
 from rattle.montecarlo.ensemble.simulate_rare import simulate_rare
 from rattle.scene import DAT21, Scene
 from rattle.scene.types import SECTION
@@ -65,13 +65,13 @@ def cells():
 def distance(run, truth):
     """Largest difference of two runs in units of the second, its standard error there, and that
     less two of them."""
-    unit = units_by_quantity(truth)
+    unit = units(truth).to_numpy().T
     worst = (0.0, 0.0)
     least = 0.0
-    for q in SECTION:
+    for i, q in enumerate(SECTION):
         for p in ("", "sd_"):
-            off = np.nan_to_num(np.abs(run.columns[p + q] - truth.columns[p + q]) / unit[q])
-            error = np.nan_to_num(truth.columns[f"se_{p}{q}"] / unit[q])
+            off = np.nan_to_num(np.abs(run.columns[p + q] - truth.columns[p + q]) / unit[i])
+            error = np.nan_to_num(truth.columns[f"se_{p}{q}"] / unit[i])
             k = int(off.argmax())
             worst = max(worst, (off[k], error[k]))
             least = max(least, float((off - 2.0 * error).max()))

@@ -20,9 +20,8 @@ from kept_tables import Table, columns, keep, short
 
 from rattle.montecarlo import Record, simulate
 from rattle.montecarlo.ensemble import aim
-from rattle.montecarlo.kernel.block import BLOCK, CODES, count_followed
+from rattle.montecarlo.kernel.block import BLOCK, CODES, follow_itinerary, sample_mixture
 from rattle.montecarlo.kernel.mixture import mixture_of
-from rattle.montecarlo.kernel.weighted_paths import sample_mixture
 from rattle.montecarlo.schemes.step_size import default_step
 from rattle.montecarlo.settings import EXACT_SCHEME, NOISE_FREE, plan_of
 
@@ -82,10 +81,10 @@ def find_truth(scene):
     mixture = mixture_of([WIDER * point for point in points], shares, np.zeros((IMPACTS, 6)), BLOCK)
     plan = plan_of(scene.phase_reduced, BLOCK, IMPACTS, dt, EXACT_SCHEME, OTHER_SEED)
     left = np.zeros((3, IMPACTS, len(CODES)))
-    orbit = np.array(plan.itineraries[NOISE_FREE], dtype=float)
+    orbit = plan.itineraries[NOISE_FREE]
     for block in range(TRUTH_BLOCKS):
         rows, weights, _, _ = sample_mixture(plan, mixture, block)
-        count_followed(rows, weights, orbit, np.zeros(BLOCK), left)
+        follow_itinerary(rows, weights, orbit, left)
     paths = TRUTH_BLOCKS * BLOCK
     return left[0] / paths, left[1] / paths**2
 

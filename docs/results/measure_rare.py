@@ -18,9 +18,8 @@ from kept_tables import Table, columns, keep, short
 from rattle.montecarlo import simulate
 from rattle.montecarlo.branches.choose import choose_mixture, steps_of
 from rattle.montecarlo.branches.search import SMALLEST, search_of
-from rattle.montecarlo.kernel.block import BLOCK
+from rattle.montecarlo.kernel.block import BLOCK, run, sample_mixture
 from rattle.montecarlo.kernel.mixture import mixture_of
-from rattle.montecarlo.kernel.weighted_paths import run_mixture, sample_mixture
 from rattle.montecarlo.settings import NOISE_FREE
 from rattle.scene import DAT21, Scene
 from rattle.scene.types import SECTION
@@ -49,7 +48,7 @@ def estimate(plan, mixture, seed):
     own = plan._replace(seed=np.random.SeedSequence(seed))
     merged = None
     for block in range(SEED_BLOCKS):
-        result, _ = run_mixture(own, mixture, block)
+        result, _ = run(own._replace(mixture=mixture), block)
         merged = result if merged is None else merged.merge(result)
     return merged.sums["weighted"].moments()
 

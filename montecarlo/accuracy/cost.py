@@ -27,7 +27,7 @@ from rattle.montecarlo.diagnostics.accuracy import (
     find_exceedance,
     name_row,
     smallest_sd,
-    units_by_quantity,
+    unit_rows,
     unseen_shifts,
 )
 from rattle.montecarlo.diagnostics.reach import Candidate, Row
@@ -39,6 +39,7 @@ from rattle.montecarlo.looks import USUAL_LOOKS, share_of_look
 from rattle.montecarlo.schemes.step_size import SCHEMES, neglected_noise
 from rattle.montecarlo.settings import count_followed, exact_orbit, is_random
 from rattle.montecarlo.statistics.intervals import widest
+from rattle.montecarlo.statistics.section_statistics import stack_section
 from rattle.scene import SECTION, Floats, duration_text
 
 RATIO_STEP = 8.0  # largest ratio of two bounds that is followed at once
@@ -79,11 +80,11 @@ def expect_paths(
     error = absolute_errors(columns)
     if not (error > 0.0).any():
         return ExpectedPaths(float(begun), "")
-    unit = np.array(list(units_by_quantity(run).values()))
+    unit = unit_rows(run)
     least = find_exceedance(error / unit, 0.0 * error, share)
     plain = begun * min(least / max(accuracy, 5e-324), 1e100) ** 2
 
-    sd = np.nan_to_num([columns["sd_" + q] for q in SECTION])
+    sd = np.nan_to_num(stack_section(columns, "sd_"))
     varies = np.array(list(smallest_sd(columns).values()))
 
     def bound(paths: float) -> tuple[float, Added]:
@@ -178,15 +179,14 @@ def _distance_from_orbit(run: Ensemble) -> float:
     """Largest difference of a path without noise from the exact orbit; `NO_SUCH_IMPACT` where one
     of them has ended."""
     exact = exact_orbit(run.plan)
-    unit = units_by_quantity(run)
     struck = exact[:, 6] != 0.0
     columns = run.phase_reduced.columns
     if not (struck == (columns["mesh"] != 0)).all():
         return NO_SUCH_IMPACT
     exact[:, 0] = run.scene.phase_reduced.to_absolute_time(exact[:, 0])
-    of = SECTION if run.scene.stages == 2 else SECTION[:4]
-    errors = [np.abs(columns[q] - exact[:, i])[struck] / unit[q][struck] for i, q in enumerate(of)]
-    return float(np.max(errors, initial=0.0))
+    of = slice(2 + 2 * run.scene.stages)
+    errors = np.abs(stack_section(columns)[of] - exact.T[of]) / unit_rows(run)[of]
+    return float(np.max(errors[:, struck], initial=0.0))
 
 
 def find_missed_rows(run: Ensemble, accuracy: float, share: float) -> tuple[Row, ...]:
@@ -244,13 +244,9 @@ def _z(error: Floats, share: float) -> float:
 def _biases(run: Ensemble) -> Floats:
     """Bias of the step of all rows and its standard error, in their units, shape (2, 2, 6,
     impacts)."""
-    unit = np.array(list(units_by_quantity(run).values()))
     quantities = 2 + 2 * run.scene.stages
-    found = np.zeros((2, len(BOUND_MOMENTS), len(SECTION), run.impacts))
-    steps = (
-        run.step_bias[["bias", "se_bias"]]
-        .to_numpy()
-        .T.reshape(2, len(BOUND_MOMENTS), quantities, run.impacts)
-    )
-    found[:, :, :quantities] = np.nan_to_num(np.abs(steps)) / unit[:quantities]
-    return found
+    bias = np.zeros((2, len(BOUND_MOMENTS), len(SECTION), run.impacts))
+    steps = np.abs(run.step_bias[["bias", "se_bias"]].to_numpy().T)
+    rows = np.nan_to_num(steps).reshape(2, len(BOUND_MOMENTS), quantities, run.impacts)
+    bias[:, :, :quantities] = rows / unit_rows(run)[:quantities]
+    return bias

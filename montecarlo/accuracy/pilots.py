@@ -30,7 +30,8 @@ from rattle.montecarlo.schemes.step_size import (
     resolve_start,
 )
 from rattle.montecarlo.settings import Record, Sampling, count_followed, default_horizon, is_random
-from rattle.scene import SECTION, Scene
+from rattle.montecarlo.statistics.section_statistics import stack_section
+from rattle.scene import Scene
 
 # paths of the probe runs before a pilot: each shows whether the next run fits the budget
 PROBE_PATHS = (
@@ -126,7 +127,7 @@ def sample_branches(
     cost = plain.at(accuracy).core_seconds
     if SCHEMES[run.scheme].has_step_bias or run.scene.sigma == 0.0 or cost < WAIT:
         return plain
-    heavy = max(float(np.nanmax(run.columns["kurt_" + q], initial=0.0)) for q in SECTION)
+    heavy = np.nanmax(stack_section(run.columns, "kurt_"), initial=0.0)
     if heavy < HEAVY and not plain.expect_paths(accuracy).branch:
         return plain
     rare = begin()

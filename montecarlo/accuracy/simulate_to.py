@@ -69,10 +69,8 @@ MOST_GROWTH = 8
 def _expect_seconds(pilot_run: PilotRun, accuracy: float) -> float:
     """Core-seconds that an accuracy is expected to take; those of the fewest paths where there was
     no whole pilot."""
-    expected = pilot_run.at(accuracy)
-    return max(
-        expected.core_seconds, 0.0 if pilot_run.whole else pilot_run.path_seconds * FEWEST_PATHS
-    )
+    least = 0.0 if pilot_run.whole else pilot_run.path_seconds * FEWEST_PATHS
+    return max(pilot_run.at(accuracy).core_seconds, least)
 
 
 def _refuse(pilot_run: PilotRun, accuracy: float) -> None:
@@ -80,11 +78,9 @@ def _refuse(pilot_run: PilotRun, accuracy: float) -> None:
     expected = pilot_run.at(accuracy)
     seconds = _expect_seconds(pilot_run, accuracy)
     gives = pilot_run.within(HOUR, accuracy) if pilot_run.whole else math.inf
-    instead = (
-        f"ask for {_round_up(gives):g}, which an hour is expected to give, or "
-        if gives < math.inf
-        else ""
-    )
+    instead = ""
+    if gives < math.inf:
+        instead = f"ask for {_round_up(gives):g}, which an hour is expected to give, or "
     raise InputError(
         "accuracy",
         accuracy,
@@ -183,9 +179,9 @@ def simulate_to(
     >>> run.scheme, run.reach.reached
     ('exact-flight', True)
     """
-    record = Record() if record is None else record
+    wanted = Record() if record is None else record
     sampling = Sampling() if sampling is None else sampling
-    _check_choices(record, sampling)
+    _check_choices(wanted, sampling)
     rng = read_seed(rng)
     check_settings(
         scene, 1, impacts, None, "exact-flight" if scheme is None else scheme, rng, workers
@@ -196,15 +192,14 @@ def simulate_to(
     left = Budget(HOUR if budget is None else budget)
     blocks = left.limit(sampling.blocks or in_threads(workers))
 
-    def again(**settings: Any) -> Ensemble:
-        step_bias = settings.pop("record", record).step_bias
-        sampled = replace(settings.pop("sampling", Sampling()), blocks=blocks)
-        given: dict[str, Any] = {
-            "impacts": impacts,
-            "record": replace(record, step_bias=step_bias),
-            **settings,
-        }
-        return simulate(scene, rng=rng, sampling=sampled, **given)
+    def again(record: Record, sampling: Sampling, **settings: Any) -> Ensemble:
+        return simulate(
+            scene,
+            rng=rng,
+            record=replace(wanted, step_bias=record.step_bias),
+            sampling=replace(sampling, blocks=blocks),
+            **({"impacts": impacts} | settings),
+        )
 
     names = [scheme] if scheme else sorted(SCHEMES, key=lambda name: SCHEMES[name].has_step_bias)
     pilot_run, candidates = choose_scheme(scene, names, accuracy, again, blocks, left, progress)
@@ -217,25 +212,29 @@ def simulate_to(
     run, more, look = (_cut_short if short else _follow_up)(
         pilot_run, again, blocks, accuracy, left, progress
     )
-    bound = error_bound(run, share_of_look(look))
-    step = step_error(run)[0]
-    worst = bound.where + ("" if is_random(scene) else ": one path is the answer")
     enough = pilot_run.whole and run.paths >= count_followed(scene, FEWEST_PATHS)
-    reach = Reach(
-        accuracy,
-        sampling_error(run)[0],
-        step,
-        bound.error + step,
-        worst,
-        candidates,
-        more,
-        enough,
-        bound.remark,
-    )
+    reach = _state_reach(run, accuracy, share_of_look(look))
+    reach = reach._replace(candidates=candidates, more_seconds=more, enough=enough)
     if not reach.reached:
         reach = reach._replace(missed=find_missed_rows(run, accuracy, share_of_look(look)))
         warnings.warn(reach.sentence, AccuracyWarning, stacklevel=3)
     return replace(run, reach=reach)
+
+
+def _state_reach(run: Ensemble, accuracy: float, share: float) -> Reach:
+    """How far a run got, at the share of a look."""
+    bound = error_bound(run, share)
+    step = step_error(run)[0]
+    return Reach(
+        asked=accuracy,
+        sampling=sampling_error(run)[0],
+        step=step,
+        bound=bound.error + step,
+        worst=bound.where + ("" if is_random(run.scene) else ": one path is the answer"),
+        candidates=(),
+        more_seconds=0.0,
+        remark=bound.remark,
+    )
 
 
 def _check_choices(record: Record, sampling: Sampling) -> None:

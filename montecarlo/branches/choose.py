@@ -12,10 +12,11 @@ from typing import Any
 import numpy as np
 
 from rattle.montecarlo.branches.search import SMALLEST, Branch, search_of
-from rattle.montecarlo.kernel.block import BLOCK, Plan
+from rattle.montecarlo.kernel.block import BLOCK, Plan, sample_mixture
 from rattle.montecarlo.kernel.mixture import SPLIT, BranchMixture, mixture_of, tail
-from rattle.montecarlo.kernel.weighted_paths import sample_mixture
-from rattle.scene import SECTION, Floats
+from rattle.montecarlo.seed import child_seed
+from rattle.montecarlo.statistics.section_statistics import stack_section
+from rattle.scene import Floats
 
 # steps whose noise is searched for design points: later impacts have plain paths alone
 SEARCHED_STEPS = 2048
@@ -54,8 +55,8 @@ def choose_mixture(run: Any) -> BranchMixture | None:
     found = search_of(plan.scene.phase_reduced, plan.impacts, steps_of(run), plan.dt).until(
         SMALLEST
     )
-    centre = np.nan_to_num(np.column_stack([columns[q] for q in SECTION]).astype(float))
-    sd = np.column_stack([columns["sd_" + q] for q in SECTION]).astype(float)
+    centre = np.nan_to_num(stack_section(columns).T)
+    sd = stack_section(columns, "sd_").T
     for mesh in (1, 2):
         sd[columns["mesh"] == mesh, 2 * mesh] = 0.0  # known exactly
     sd[:, 2 + 2 * plan.scene.stages :] = 0.0
@@ -63,17 +64,14 @@ def choose_mixture(run: Any) -> BranchMixture | None:
     probed = list_distinct(_by_influence(found.branches, sd), PROBED_BRANCHES)
     shifts = [branch.shift for branch in probed]
     added = [_probe(plan, centre, sd, branch, number) for number, branch in enumerate(probed, 1)]
-    kurtosis = np.column_stack([columns["kurt_" + q] for q in SECTION]).astype(float)
-    kurtosis = 3.0 + np.where(np.isfinite(sd), np.nan_to_num(kurtosis), 0.0)
-    shares = _share_out(
-        kurtosis, added, np.array([tail(math.sqrt(float(s @ s))) for s in shifts]), run.paths
-    )
+    kurtosis = np.nan_to_num(stack_section(columns, "kurt_").T)
+    kurtosis = 3.0 + np.where(np.isfinite(sd), kurtosis, 0.0)
+    tails = np.array([tail(math.sqrt(float(s @ s))) for s in shifts])
+    shares = _share_out(kurtosis, added, tails, run.paths)
     kept = np.flatnonzero(shares)
-    return (
-        mixture_of([shifts[i] for i in kept], shares[kept].tolist(), centre, BLOCK)
-        if kept.size
-        else None
-    )
+    if kept.size == 0:
+        return None
+    return mixture_of([shifts[i] for i in kept], shares[kept].tolist(), centre, BLOCK)
 
 
 def _share_out(kurtosis: Floats, added: list[Floats], tails: Floats, paths: int) -> Floats:
@@ -129,7 +127,7 @@ def _by_influence(branches: tuple[Branch, ...], sd: Floats) -> list[Branch]:
     """Rare branches by what they are expected to add to the kurtosis of a row, the most influential
     first."""
     rare = [b for b in branches if b.probability < LIKELY and b.shift.any()]
-    added = [(float((np.abs(b.fourth) / sd**4).max()), b) for b in rare]
+    added = [(float((np.abs(b.added[2]) / sd**4).max()), b) for b in rare]
     return [b for most, b in sorted(added, key=lambda one: -one[0]) if most > 0.1 * LEAST_KURTOSIS]
 
 
@@ -140,13 +138,11 @@ def _probe(plan: Plan, centre: Floats, sd: Floats, branch: Branch, number: int) 
     missed.
     """
     mixture = mixture_of([branch.shift], [0.75], centre, BLOCK)
-    seed = np.random.SeedSequence(
-        plan.seed.entropy, spawn_key=(*plan.seed.spawn_key, PROBE_KEY, number)
-    )
-    rows, weights, _, _ = sample_mixture(plan._replace(seed=seed), mixture, 0)
+    probe = plan._replace(seed=child_seed(plan.seed, PROBE_KEY, number))
+    rows, weights, _, _ = sample_mixture(probe, mixture, 0)
     near = int(mixture.counts[:-1].sum())
     fourth = weights[:near, :, None] * ((rows[:near, :, :6] - centre) / sd) ** 4
-    predicted = np.abs(branch.fourth) / sd**4
+    predicted = np.abs(branch.added[2]) / sd**4
     missed = 3.0 * tail(float(mixture.level[0, -1])) / (near * SPLIT[-1])
     return np.asarray(
         np.maximum(

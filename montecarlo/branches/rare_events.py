@@ -62,11 +62,9 @@ def _covariances(
     there."""
     for n in range(times.size):
         t = times[n]
-        x1, y1, x2, y2 = flow(c, tau, after[0], after[1], after[2], after[3], t)
-        means[n, 0] = x1
-        means[n, 1] = y1
-        means[n, 2] = x2
-        means[n, 3] = y2
+        state = flow(c, tau, after[0], after[1], after[2], after[3], t)
+        for a in range(4):
+            means[n, a] = state[a]
         j = jacobian(c, t)
         q = noise_covariance(c, tau, t)
         for a in range(4):

@@ -46,11 +46,9 @@ class Branch(NamedTuple):
     # ``tau, flight, x1, y1, x2, y2`` before each impact of a representative of each stratum; those
     # of the parent before `impact`, NaN where it has ended; (strata, impacts, 6)
     section: Floats
-    # mean, square, fourth: what the branch adds to the mean deviation from the orbit, to its square
-    # and to its fourth power, in place of the path that it leaves; (impacts, 6)
-    mean: Floats
-    square: Floats
-    fourth: Floats
+    # what the branch adds to the mean deviation from the orbit, to its square and to its fourth
+    # power, in place of the path that it leaves; (3, impacts, 6)
+    added: Floats
     # mean of the noise that brings it about, increments in units of their sd; (steps,) or none
     shift: Floats
 
@@ -77,11 +75,8 @@ class RareEvents:
     def additions(self) -> Floats:
         """What each branch adds to mean, square and fourth power, shape (3, branches, impacts,
         6)."""
-        parts = [
-            [getattr(branch, name) for branch in self.branches]
-            for name in ("mean", "square", "fourth")
-        ]
-        return np.array(parts).reshape(3, len(self.branches), *self.orbit.shape)
+        added = np.array([branch.added for branch in self.branches])
+        return added.reshape(len(self.branches), 3, *self.orbit.shape).swapaxes(0, 1)
 
     def additions_on(self, itinerary: Sequence[int], c: Constants) -> Floats:
         """As `additions`, of what still has the meshes and sides of an itinerary, in place of
@@ -120,7 +115,9 @@ class BranchSearch:
     def __init__(self, scene: Scene, impacts: int, steps: int = 0, dt: float = 1.0) -> None:
         c = scene.constants
         state = np.array(first_state(scene))
-        self.constants, self.impacts, self.orbit = c, impacts, np.full((impacts, 6), np.nan)
+        self.constants = c
+        self.impacts = impacts
+        self.orbit = np.full((impacts, 6), np.nan)
         follow_on(c, scene.phase, state, 0, self.orbit)
         self._slowest = slowest_impact(c, state)
         begin = Gaussian(state, np.zeros((4, 4)), np.zeros(steps), np.zeros((4, steps)))
@@ -131,8 +128,11 @@ class BranchSearch:
         self.responses: list[Floats] = []
         # probability of each path, and number of branches after it
         self._searched: list[tuple[float, int]] = []
-        self._flights, self._found = 0, dict[int, RareEvents]()
-        self._known, self._why, self._one_at_a_time = impacts, "", threading.Lock()
+        self._flights = 0
+        self._found: dict[int, RareEvents] = {}
+        self._known = impacts
+        self._why = ""
+        self._one_at_a_time = threading.Lock()
         if scene.correlation_time:  # flights of such noise are not independent of each other
             self._queue = []
             self._why = "branches are searched for with white noise only"
@@ -220,21 +220,9 @@ class BranchSearch:
             gap = gap * gap
             before = before * before
         what = event.mesh, event.side, event.missed, event.beta
-        mean, square, fourth = added
-        self._branches.append(
-            Branch(k + 1, *what, probability, shares, rows, mean, square, fourth, event.shift)
-        )
+        self._branches.append(Branch(k + 1, *what, probability, shares, rows, added, event.shift))
 
 
 search_of = lru_cache(maxsize=32)(BranchSearch)
 """The search for the branches of a scene over a number of impacts, remembered with what it has
 found."""
-
-
-def rare_events(scene: Scene, impacts: int, least: float = 1.0) -> RareEvents:
-    """Search the orbit, and the branches that are more probable than `least`, for other events.
-
-    `least`: Probability from which on a representative of a branch is searched for branches of its
-    own.
-    """
-    return BranchSearch(scene, impacts).until(least)

@@ -259,7 +259,7 @@ def _walk_tree(
         if level > 0:  # of the whole step it is known
             phase = phase_at(c.drive, tau + offset)
             end, _ = short_flight(c, phase, h, s, noise.increment, noise.area)
-            if not _is_near(c, h, s, end, margins(c, phase[0], phase[1], h)):
+            if not _is_near(c, h, s, end, margins(c, phase, h)):
                 s = end
                 offset += h
                 continue

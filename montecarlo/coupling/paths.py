@@ -47,13 +47,8 @@ def _stretch(
     hits = np.empty((MOST_IN_A_STEP, HIT))
     room = new_room(tree.clock.depth)
     state = at[:4]
-    n = 0
-    taken = 0
-    sticking = 0
-    z0 = 0.0
-    z1 = 0.0
-    z2 = 0.0
-    z3 = 0.0
+    n = taken = sticking = 0
+    z0 = z1 = z2 = z3 = 0.0
     while taken < most and n + MOST_IN_A_STEP <= s.flight.size:
         if len(velocity) > 0:
             velocity[taken, 0] = state[1]
@@ -93,10 +88,13 @@ class LongPath:
     """
 
     def __init__(self, scene: Scene, seed: int, path: int = 0, depth: int = DEPTH) -> None:
-        self.tree, self.path, self.sticking_steps = tree_of(scene, seed, depth), Word(path), 0
+        self.tree = tree_of(scene, seed, depth)
+        self.path = Word(path)
+        self.sticking_steps = 0
         self.step = self.tree.clock.h
         self.steps = round(scene.phase % (2.0 * np.pi) / self.step)
-        self.at, self.frame = np.array([*first_state(scene), 0.0]), np.eye(4)
+        self.at = np.array([*first_state(scene), 0.0])
+        self.frame = np.eye(4)
 
     def stretch(
         self, steps: int, tangent: bool = True, velocities: bool = True
@@ -145,8 +143,7 @@ def _after_impact(
     begin = np.empty(4)
     partner = np.empty(4)
     room = new_room(w.depth)
-    n = 0
-    missed = 0
+    n = missed = 0
     for k in range(steps):
         put_row(begin, state)
         z = _two_normals(tree, k)
@@ -162,8 +159,8 @@ def _after_impact(
             put_row(partner, begin)
             partner[0] -= hits[0, 1] * deltas[i]
             met, _ = walk_step(tree, room, PATH_NUMBER, k, z, partner, other)
-            if met != 1 or other[0, 1] != hits[0, 1]:
-                whole = False
+            whole = met == 1 and other[0, 1] == hits[0, 1]
+            if not whole:
                 break
             # after both impacts the difference obeys the noise-free linear flight: carry it back to
             # the later impact
@@ -175,7 +172,9 @@ def _after_impact(
             missed += 1
             continue
         tau = (k % len(w.forcing)) * w.h + hits[0, 0]
-        place[n, 0], place[n, 1], place[n, 2] = tau, speed, noise_rate(c, tau)[0]
+        place[n, 0] = tau
+        place[n, 1] = speed
+        place[n, 2] = noise_rate(c, tau)[0]
         n += 1
         if n == len(apart):
             break
@@ -245,8 +244,7 @@ def _growths(
     hits = np.empty((MOST_IN_A_STEP, HIT))
     room = new_room(tree.clock.depth)
     b = a.copy()
-    n = 0
-    waited = 0
+    n = waited = 0
     last = 0.0
     together = True
     for k in range(steps):
@@ -268,10 +266,8 @@ def _growths(
         far = min(now, last)
         last = now
         if far >= ratio * delta or waited >= wait:
-            found[0, n], found[1, n] = (
-                waited * tree.clock.h,
-                math.log(max(far, LEAST_DISTANCE) / delta),
-            )
+            found[0, n] = waited * tree.clock.h
+            found[1, n] = math.log(max(far, LEAST_DISTANCE) / delta)
             n += 1
             if n == found.shape[1]:
                 break

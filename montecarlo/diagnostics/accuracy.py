@@ -18,7 +18,8 @@ from scipy.special import ndtr
 from rattle.montecarlo.diagnostics.unseen import Unseen, unseen
 from rattle.montecarlo.diagnostics.unseen_text import unseen_text
 from rattle.montecarlo.kernel.block import BLOCK
-from rattle.montecarlo.statistics.intervals import CONFIDENCE, ROUNDED_SD
+from rattle.montecarlo.statistics.intervals import CONFIDENCE
+from rattle.montecarlo.statistics.section_statistics import stack_section
 from rattle.scene import SECTION, STATE, Floats, Scene
 
 if TYPE_CHECKING:
@@ -35,6 +36,8 @@ Z_OF_GAIN = 3.0  # half width, in standard errors, at which the skewness of rows
 BOUND_MOMENTS = ("mean", "sd")
 Place = tuple[np.intp, ...]
 """Indices of a moment in `BOUND_MOMENTS`, of a quantity in `SECTION`, and of an impact."""
+# sd over size of a quantity below which the rounding of a path matters beside 5 % of the sd
+ROUNDED_SD = 2.0**-40
 
 
 def smallest_sd(columns: Mapping[str, NDArray[Any]]) -> dict[str, Floats]:
@@ -52,16 +55,15 @@ def smallest_sd(columns: Mapping[str, NDArray[Any]]) -> dict[str, Floats]:
     return found
 
 
-def units_by_quantity(run: Any) -> dict[str, Floats]:
-    """As `units`, without a table: one array for each section quantity.
+def unit_rows(run: Any) -> Floats:
+    """As `units`, without a table.
 
-    `run`: An ensemble, or a stored result with the same columns. Shapes: result (impacts,).
+    `run`: An ensemble, or a stored result with the same columns. Shapes: result (6, impacts).
     """
-    columns = run.columns
-    least = smallest_sd(columns)
-    unit = {q: np.where(columns["sd_" + q] > least[q], columns["sd_" + q], 1.0) for q in SECTION}
+    sd = stack_section(run.columns, "sd_")
+    unit = np.where(sd > list(smallest_sd(run.columns).values()), sd, 1.0)
     for mesh in (1, 2):
-        unit[f"x{mesh}"] = np.where(columns["mesh"] == mesh, 1.0, unit[f"x{mesh}"])
+        unit[2 * mesh, run.columns["mesh"] == mesh] = 1.0
     return unit
 
 
@@ -69,20 +71,21 @@ def units(run: Any) -> "pd.DataFrame":
     """Unit of each quantity's errors: its sd, or 1 where the sd is no scale."""
     import pandas as pd
 
-    return pd.DataFrame(units_by_quantity(run), index=run.section.index)
+    return pd.DataFrame(unit_rows(run).T, index=run.section.index, columns=list(SECTION))
 
 
 def sampling_error(run: Any) -> tuple[float, str]:
     """Largest standard error of the section means and sds, in units of each quantity's sd."""
-    unit = units_by_quantity(run)
-    columns = run.columns
-    errors = np.nan_to_num(
-        [[columns[prefix + q] / unit[q] for prefix in ("se_", "se_sd_")] for q in SECTION]
-    )
+    errors = np.nan_to_num(_stack_errors(run.columns) / unit_rows(run))
     if not errors.any():
-        return 0.0, "nothing varies" if np.isfinite(columns["tau"]).any() else "no impact was seen"
-    i, moment, k = np.unravel_index(errors.argmax(), errors.shape)
-    return float(errors.max()), name_row((moment, i, k))
+        seen = np.isfinite(run.columns["tau"]).any()
+        return 0.0, "nothing varies" if seen else "no impact was seen"
+    return float(errors.max()), name_row(np.unravel_index(errors.argmax(), errors.shape))
+
+
+def _stack_errors(columns: Mapping[str, NDArray[Any]]) -> Floats:
+    """Standard errors of section means and sds, shape (2, 6, impacts)."""
+    return np.stack([stack_section(columns, prefix) for prefix in ("se_", "se_sd_")])
 
 
 class Bound(NamedTuple):
@@ -129,12 +132,8 @@ def absolute_errors(columns: Mapping[str, NDArray[Any]]) -> Floats:
     Returns: Of the mean and of the sd of ``tau, flight, x1, y1, x2, y2``, in the quantity's own
     unit; 0 where not known. Shapes: result (2, 6, impacts).
     """
-    found = []
-    for prefix in ("se_", "se_sd_"):
-        for q in SECTION:
-            gain = skewness_gain(columns, q, prefix == "se_sd_", Z_OF_GAIN)
-            found.append(np.nan_to_num(columns[prefix + q]) * (1.0 + np.abs(gain)))
-    return np.array(found).reshape(2, len(SECTION), -1)
+    gains = [[skewness_gain(columns, q, sd, Z_OF_GAIN) for q in SECTION] for sd in (False, True)]
+    return np.nan_to_num(_stack_errors(columns)) * (1.0 + np.abs(gains))
 
 
 def unseen_shifts(hidden: Unseen) -> Floats:
@@ -142,8 +141,7 @@ def unseen_shifts(hidden: Unseen) -> Floats:
 
     Shapes: result (2, 6, impacts).
     """
-    mean = np.maximum(hidden.mean_up, hidden.mean_down)
-    return np.asarray(np.nan_to_num(np.stack([mean.T, np.maximum(hidden.sd_up, hidden.sd_down).T])))
+    return np.asarray(np.nan_to_num([either.T for either in hidden.either_way()]))
 
 
 def find_exceedance(error: Floats, shift: Floats, share: float) -> float:
@@ -167,7 +165,7 @@ def count_paths(columns: Mapping[str, NDArray[Any]]) -> int:
 def errors_by_row(run: Any) -> tuple[Floats, Floats, Unseen]:
     """Standard errors and shifts by unseen branches of all rows, in their units, shape (2, 6,
     impacts)."""
-    unit = np.array(list(units_by_quantity(run).values()))
+    unit = unit_rows(run)
     hidden = unseen(run.scene, run.columns, count_paths(run.columns))
     return absolute_errors(run.columns) / unit, unseen_shifts(hidden) / unit, hidden
 

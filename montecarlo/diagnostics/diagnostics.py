@@ -63,36 +63,25 @@ def orbit_shift(run: Any) -> tuple[float, str]:
     its itinerary.  A scheme that detects impacts at the end of a step is late by half a step on
     average, at every impact.
     """
+    plan = run.plan
     unit = motion_units(run.columns, run.scene)
-    columns = run.columns
-    coarse, fine = (
-        noise_free_path(run.plan, run.plan.scheme, run.plan.dt / times) for times in (1, STEP_RATIO)
-    )
-    worst = 0.0
-    where = "nothing moves"
-    if SCHEMES[run.plan.scheme].detects_at_end:
-        late = np.nan_to_num(
-            _share(0.5 * run.plan.dt * np.arange(1, run.plan.impacts + 1), unit["tau"])
-        )
-        worst = float(late.max())
-        where = f"tau at impact {int(late.argmax()) + 1}"
-    for k in range(run.plan.impacts):
-        if not columns["agreement"][k] >= 0.5:
-            break
-        if coarse[k, -1] != fine[k, -1]:
-            return math.inf, f"the mesh of impact {k + 1}"
-        for i, q in enumerate(SECTION):
-            if run.scene.stages == 1 and q in ("x2", "y2"):
-                continue
-            shift = (
-                float(_share(abs(coarse[k, i] - fine[k, i]), unit[q][k]))
-                * STEP_RATIO
-                / (STEP_RATIO - 1)
-            )
-            if shift > worst:
-                worst = shift
-                where = f"{q} at impact {k + 1}"
-    return worst, where
+    coarse, fine = (noise_free_path(plan, plan.scheme, plan.dt / n) for n in (1, STEP_RATIO))
+    shared = np.logical_and.accumulate(run.columns["agreement"] >= 0.5)
+    parted = shared & (coarse[:, -1] != fine[:, -1])
+    if parted.any():
+        return math.inf, f"the mesh of impact {int(parted.argmax()) + 1}"
+    quantities = SECTION[: 2 + 2 * run.scene.stages]
+    shifts = np.zeros((plan.impacts, 1 + len(quantities)))
+    if SCHEMES[plan.scheme].detects_at_end:
+        late = 0.5 * plan.dt * np.arange(1, plan.impacts + 1)
+        shifts[:, 0] = np.nan_to_num(_share(late, unit["tau"]))
+    for i, q in enumerate(quantities):
+        shift = _share(abs(coarse[:, i] - fine[:, i]), unit[q]) * STEP_RATIO / (STEP_RATIO - 1)
+        shifts[shared, 1 + i] = np.nan_to_num(shift[shared])
+    if not shifts.any():
+        return 0.0, "nothing moves"
+    worst, column = np.unravel_index(shifts.argmax(), shifts.shape)
+    return float(shifts.max()), f"{('tau', *quantities)[column]} at impact {worst + 1}"
 
 
 def _share(of: NDArray[np.floating[Any]], unit: Floats) -> Floats:
@@ -104,19 +93,13 @@ def _share(of: NDArray[np.floating[Any]], unit: Floats) -> Floats:
 def diagnose(run: Any) -> tuple[str, ...]:
     """What may be wrong with the numbers of a run."""
     accuracy, *impacts = _list_counted(run)
-    found = (
-        accuracy,
-        diagnose_short_step(run),
-        *_of_step(run),
-        *impacts,
-        diagnose_rare_branch(run),
-    )
-    return tuple(line for line in found if line)
+    step = diagnose_short_step(run), *_of_step(run)
+    return tuple(filter(None, (accuracy, *step, *impacts, diagnose_rare_branch(run))))
 
 
 def list_counted(run: Any) -> tuple[str, ...]:
     """Those diagnostics that take no computation: what the run itself has counted."""
-    return tuple(line for line in _list_counted(run) if line)
+    return tuple(filter(None, _list_counted(run)))
 
 
 def diagnose_rare_branch(run: Any) -> str:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from rattle.montecarlo.branches.search import SMALLEST, RareEvents, search_of
 from rattle.montecarlo.kernel.mixture import BranchMixture
 from rattle.montecarlo.settings import is_random
+from rattle.montecarlo.statistics.section_statistics import stack_section
 from rattle.scene import SECTION, Floats, Scene
 
 SEEN = 10.0
@@ -38,7 +39,13 @@ class Unseen(NamedTuple):
     # motion's whole range is assumed
     known: int
 
+    def either_way(self) -> tuple[Floats, Floats]:
+        """Shifts of the mean and of the sd, whichever way is further."""
+        return np.maximum(self.mean_up, self.mean_down), np.maximum(self.sd_up, self.sd_down)
 
+
+PARTS = ("", "sd_", "share_", "paths_")
+"""Prefixes of the columns that hold the unseen of a run."""
 # share of the largest influence on a row from which on a branch counts for the paths needed
 MATTERS = 0.1
 
@@ -52,20 +59,17 @@ def unseen(scene: Scene, columns: Mapping[str, NDArray[Any]], paths: int) -> Uns
     """
     if "unseen_tau" not in columns:
         return find_unseen(scene, columns, paths)
-    parts = ("", "sd_", "share_", "paths_")
-    mean, sd, share, needed = (
-        np.column_stack([columns[f"unseen_{name}{q}"] for q in SECTION]) for name in parts
-    )
+    mean, sd, share, needed = (stack_section(columns, f"unseen_{part}").T for part in PARTS)
     return Unseen(mean, mean, sd, sd, share, needed, len(mean))
 
 
 def unseen_columns(hidden: Unseen) -> dict[str, Floats]:
     """The columns from which `unseen` restores it, whichever way a moment may be off further."""
-    mean = np.maximum(hidden.mean_up, hidden.mean_down)
-    sd = np.maximum(hidden.sd_up, hidden.sd_down)
-    parts = (("", mean), ("sd_", sd), ("share_", hidden.probability), ("paths_", hidden.needed))
+    values = np.stack([*hidden.either_way(), hidden.probability, hidden.needed])
     return {
-        f"unseen_{name}{q}": values[:, i] for name, values in parts for i, q in enumerate(SECTION)
+        f"unseen_{part}{q}": values[n, :, i]
+        for n, part in enumerate(PARTS)
+        for i, q in enumerate(SECTION)
     }
 
 
@@ -83,7 +87,7 @@ def find_unseen(
     the paths alone that `columns` are about. Shapes: `columns` (impacts,).
     """
     impacts = len(columns["tau"])
-    sd = np.column_stack([columns["sd_" + q] for q in SECTION])
+    sd = stack_section(columns, "sd_").T
     nil = np.zeros((impacts, len(SECTION)))
     if not is_random(scene) or scene.sigma == 0.0 or paths == 0:
         return Unseen(nil, nil, nil, nil, nil, nil, impacts)
@@ -101,21 +105,18 @@ def find_unseen(
     less = np.maximum(-square, 0.0).sum(axis=0)
     influence = np.abs(square)
     largest = influence.max(axis=0, initial=0.0)
-    chance = nil.copy()
-    needed = nil.copy()
-    # of equals the first that was found
-    for one, rate, its in zip(probability[::-1], often[::-1], influence[::-1], strict=True):
-        chance = np.where((its == largest) & (its > 0.0), one, chance)
-        counts = (its >= MATTERS * largest) & (its > 0.0)
-        needed = np.where(counts, np.maximum(needed, SEEN / rate), needed)
-    if found.known < impacts:
-        widest = _range(scene, columns)
-        beyond = np.arange(impacts)[:, None] >= found.known
-        share = SEEN / (paths if mixture is None else paths * mixture.plain)
-        up, down = (np.where(beyond, np.maximum(a, share * widest), a) for a in (up, down))
-        more = np.where(beyond, np.maximum(more, share * widest**2), more)
-        chance = np.where(beyond, share, chance)
-        needed = np.where(beyond, np.inf, needed)
+    counts = (influence > 0.0) & (influence >= MATTERS * largest)
+    needed = np.where(counts, (SEEN / often)[:, None, None], 0.0).max(axis=0, initial=0.0)
+    chance = nil
+    if len(influence):
+        chance = np.where(largest > 0.0, probability[influence.argmax(axis=0)], 0.0)
+    beyond = slice(found.known, None)
+    share = SEEN / (paths if mixture is None else paths * mixture.plain)
+    widest = _range(scene, columns)
+    for shift, most in ((up, widest), (down, widest), (more, widest**2)):
+        shift[beyond] = np.maximum(shift[beyond], share * most)
+    chance[beyond] = share
+    needed[beyond] = np.inf
     sd_up = np.sqrt(sd**2 + more) - sd
     sd_down = sd - np.sqrt(np.maximum(sd**2 - less, 0.0))
     return Unseen(
@@ -180,8 +181,9 @@ def branches_between(
 
 def _range(scene: Scene, columns: Mapping[str, NDArray[Any]]) -> Floats:
     """Largest deviation of each quantity that the motion as a whole suggests."""
-    size = np.abs([columns[q] for q in ("flight", *SECTION[1:])])
-    size += 3.0 * np.nan_to_num([columns["sd_" + q] for q in SECTION])
+    size = np.abs(stack_section(columns))
+    size[0] = size[1]  # of times, that of a flight
+    size += 3.0 * np.nan_to_num(stack_section(columns, "sd_"))
     found = np.max(size, axis=1, where=np.isfinite(size), initial=0.0)
     found[[2, 4]] = 2.0 * scene.constants.wall1, 2.0 * scene.constants.wall2
     return np.asarray(found)

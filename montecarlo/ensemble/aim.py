@@ -24,9 +24,8 @@ from scipy.special import ndtr
 from rattle.montecarlo.branches.choose import LIKELY, SEARCHED_STEPS, list_distinct
 from rattle.montecarlo.branches.rare_events import LATEST_OTHER
 from rattle.montecarlo.branches.search import SMALLEST, search_of
-from rattle.montecarlo.kernel.block import BLOCK, CODES, Plan
+from rattle.montecarlo.kernel.block import BLOCK, CODES, Plan, sample_mixture
 from rattle.montecarlo.kernel.mixture import BEFORE, SPLIT, BranchMixture, mixture_of, tail
-from rattle.montecarlo.kernel.weighted_paths import sample_mixture
 from rattle.montecarlo.settings import EXACT_SCHEME, NOISE_FREE, plan_of
 from rattle.scene import Floats, Scene
 

@@ -23,10 +23,16 @@ from scipy.special import chdtri
 from rattle.montecarlo.branches.choose import LIKELY
 from rattle.montecarlo.branches.search import search_of
 from rattle.montecarlo.ensemble.aim import ENOUGH_PATHS, Exit, aim, share_out
-from rattle.montecarlo.kernel.block import BLOCK, CODES, Followers, count_followed
+from rattle.montecarlo.kernel.block import (
+    BLOCK,
+    CODES,
+    Followers,
+    follow_itinerary,
+    sample_mixture,
+)
 from rattle.montecarlo.kernel.mixture import mixture_of
-from rattle.montecarlo.kernel.weighted_paths import sample_mixture
 from rattle.montecarlo.schemes.step_size import default_step
+from rattle.montecarlo.seed import child_seed
 from rattle.montecarlo.settings import EXACT_SCHEME, NOISE_FREE, begins
 from rattle.montecarlo.statistics.intervals import CONFIDENCE
 from rattle.scene import Floats
@@ -55,17 +61,18 @@ def find_leaving(run: Any, followers: Mapping[str, Followers]) -> pd.DataFrame:
     ]
     near = _sample_near(run, aimed)
     one_path = 1.0 / run.paths
-    listed, near_ones = ({(one.impact, one.code) for one in some} for some in (exits, aimed))
+    listed, near_ones = ([(one.impact, one.code) for one in some] for some in (exits, aimed))
     rows = []
     for k, i in np.ndindex(plain.shape[1:]):
         key = (k + 1, CODES[i])
-        is_near = (k + 1, CODES[i]) in near_ones
+        is_near = key in near_ones
         total, squares, largest = near[:, k, i] if is_near else plain[:, k, i]
         if key not in listed and total == 0.0:
             continue
         bounds = interval(total, squares, max(largest, 0.0 if is_near else one_path))
         paths = total**2 / squares if squares > 0.0 else 0.0
-        rows.append((k + 1, abs(CODES[i]), int(np.sign(CODES[i])), total, *bounds, paths, is_near))
+        side = int(np.sign(CODES[i]))
+        rows.append((k + 1, abs(CODES[i]), side, total, *bounds, paths, is_near))
     return pd.DataFrame(rows, columns=LEAVING_COLUMNS).astype({"near": bool})
 
 
@@ -117,16 +124,14 @@ def _sample_near(run: Any, exits: Sequence[Exit]) -> Floats:
     if not exits:
         return left
     mixture = mixture_of(*share_out(exits), np.zeros((run.plan.impacts, 6)), BLOCK)
-    seed = np.random.SeedSequence(
-        run.plan.seed.entropy, spawn_key=(*run.plan.seed.spawn_key, LEAVING_KEY)
-    )
+    seed = child_seed(run.plan.seed, LEAVING_KEY)
     dt = default_step(run.plan.scene, EXACT_SCHEME)
     most = math.ceil(run.plan.most_steps * run.plan.dt / dt)
     scene = run.plan.scene.phase_reduced
     plan = run.plan._replace(scene=scene, scheme=EXACT_SCHEME, dt=dt, most_steps=most, seed=seed)
-    itinerary = np.array(run.plan.itineraries[NOISE_FREE], dtype=float)
+    itinerary = run.plan.itineraries[NOISE_FREE]
     blocks = max(LEAST_BLOCKS, BLOCKS_OF_AN_EXIT * len(exits))
     for block in range(blocks):
         rows, weights, _, _ = sample_mixture(plan, mixture, block)
-        count_followed(rows, weights, itinerary, np.zeros(BLOCK), left)
+        follow_itinerary(rows, weights, itinerary, left)
     return _share(left, blocks * BLOCK)

@@ -242,22 +242,22 @@ class Ensemble(SectionResult):
     @cached_property
     def columns(self) -> dict[str, Floats | Ints]:
         """The columns of `section`, each of shape (impacts,)."""
+        sums = self.result.sums
         s = self._statistics
-        weighted = self.result.sums.get("weighted")
-        if "control" in self.result.sums:
-            s = s | estimate_controlled(self.result.sums["control"], self.plan.control.variance)
+        if "control" in sums:
+            s = s | estimate_controlled(sums["control"], self.plan.control.variance)
+        blank = np.ones(s["mean"].shape[1])
+        if self.scene.stages == 1:
+            blank[2 + len(STATE) // 2 : len(SECTION)] = np.nan
         columns: dict[str, Floats | Ints] = {}
         most = np.array(CODES)[np.argmax(self.result.codes, axis=1)] * (self._arrivals > 0)
         for prefix, name in (("", "mean"), ("sd_", "sd"), ("skew_", "skew"), ("kurt_", "kurt")):
-            estimable = self._estimable(self._arrivals, name)
+            tables = {prefix: s[name], "se_" + prefix: s["se_" + name]}
+            tables["se_" + prefix] = tables["se_" + prefix] * self._estimable(name)[:, None]
+            if name in self._step_biases:
+                tables["bias_" + prefix] = self._step_biases[name].bias
             for i, quantity in enumerate(SECTION):
-                blank = np.nan if self.scene.stages == 1 and quantity in STATE[2:] else 1.0
-                columns[prefix + quantity] = s[name][:, i] * blank
-                columns["se_" + prefix + quantity] = s["se_" + name][:, i] * estimable * blank
-                if name in self._step_biases:
-                    columns["bias_" + prefix + quantity] = (
-                        self._step_biases[name].bias[:, i] * blank
-                    )
+                columns |= {start + quantity: t[:, i] * blank[i] for start, t in tables.items()}
                 if prefix + quantity == "flight":
                     columns |= {"mesh": np.abs(most), "side": np.sign(most)}
         columns["tau"] = self.scene.to_absolute_time(s["mean"][:, 0])
@@ -269,13 +269,11 @@ class Ensemble(SectionResult):
                 # rounding of few paths can pass 1
                 rho = np.clip(covariance[:, j, j + 1] / scale, -1.0, 1.0)
                 columns[f"rho{stage}"] = np.where(scale > 0.0, rho, np.nan)
-        energy = self.result.sums.get("energy")
-        if energy is not None:
-            columns["energy"] = np.where(energy.n[:, 0] > 0, energy.mean[0][:, 0], np.nan)
-            with np.errstate(invalid="ignore", divide="ignore"):
-                se = np.sqrt(energy.moment(2, 0)[:, 0] / energy.n[:, 0])
-            columns["se_energy"] = se * self._estimable(self._arrivals, "mean")
-        if weighted is not None:
+        if "energy" in sums:
+            energy = statistics.mean_statistics(sums["energy"])
+            columns["energy"] = energy["mean"][:, 0]
+            columns["se_energy"] = energy["se_mean"][:, 0] * self._estimable("mean")
+        if "weighted" in sums:
             for i, quantity in enumerate(SECTION):
                 columns["lean_" + quantity] = s["lean_mean"][:, i]
                 columns["lean_sd_" + quantity] = s["lean_sd"][:, i]
@@ -488,33 +486,28 @@ class Ensemble(SectionResult):
         if "fixed" not in self.result.sums:
             return pd.DataFrame(index=pd.Index([], name="time"))
         sums = self.result.sums["fixed"]
-        coarse = self.result.sums.get("coarse_fixed")
-        s = statistics.pair_statistics(sums)
-        absent = [self.scene.stages == 1 and (i >= 2 or j >= 2) for i, j in CROSS]
-        blank = np.where(absent, np.nan, 1.0)
-        estimable = {name: self._estimable(sums.n[:, 0], name) for name in ("mean", "cov", "rho")}
+        s = statistics.mean_statistics(sums) | statistics.pair_statistics(sums)
+        for name, of in (("mean", "mean"), ("cov", "cov"), ("rho", "rho"), ("z", "rho")):
+            s["se_" + name] = s["se_" + name] * self._estimable(of, sums.n[:, 0])[:, None]
+        if self.scene.stages == 1:
+            absent = np.max(CROSS, axis=1) >= len(STATE) // 2
+            s = {name: np.where(absent, np.nan, values) for name, values in s.items()}
         columns: dict[str, Floats] = {}
         for k, (i, j) in enumerate(CROSS):
             if i == j:
-                columns[STATE[i]] = (
-                    np.where(sums.n[:, k] > 0, sums.mean[0][:, k], np.nan) * blank[k]
-                )
-                with np.errstate(invalid="ignore", divide="ignore"):
-                    columns[f"se_{STATE[i]}"] = (
-                        np.sqrt(s["cov"][:, k] / sums.n[:, k]) * blank[k] * estimable["mean"]
-                    )
+                columns[STATE[i]] = s["mean"][:, k]
+                columns[f"se_{STATE[i]}"] = s["se_mean"][:, k]
         for k, (i, j) in enumerate(CROSS):
-            columns[f"cov_{STATE[i]}_{STATE[j]}"] = s["cov"][:, k] * blank[k]
-            columns[f"se_cov_{STATE[i]}_{STATE[j]}"] = (
-                s["se_cov"][:, k] * blank[k] * estimable["cov"]
-            )
+            columns[f"cov_{STATE[i]}_{STATE[j]}"] = s["cov"][:, k]
+            columns[f"se_cov_{STATE[i]}_{STATE[j]}"] = s["se_cov"][:, k]
         for stage, k in ((1, CROSS.index((0, 1))), (2, CROSS.index((2, 3)))):
-            columns[f"rho{stage}"] = s["rho"][:, k] * blank[k]
-            columns[f"se_rho{stage}"] = s["se_rho"][:, k] * blank[k] * estimable["rho"]
-            columns[f"se_z_rho{stage}"] = s["se_z"][:, k] * blank[k] * estimable["rho"]
-            if coarse is not None:
-                columns[f"coarse_rho{stage}"] = (
-                    statistics.pair_statistics(coarse)["rho"][:, stage - 1] * blank[k]
+            columns[f"rho{stage}"] = s["rho"][:, k]
+            columns[f"se_rho{stage}"] = s["se_rho"][:, k]
+            columns[f"se_z_rho{stage}"] = s["se_z"][:, k]
+            if "coarse_fixed" in self.result.sums:
+                coarse = statistics.pair_statistics(self.result.sums["coarse_fixed"])["rho"]
+                columns[f"coarse_rho{stage}"] = np.where(
+                    stage > self.scene.stages, np.nan, coarse[:, stage - 1]
                 )
         return pd.DataFrame(columns, index=pd.Index(self.fixed_times, name="time"))
 
@@ -555,18 +548,12 @@ class Ensemble(SectionResult):
     def _bias_of(self, name: str, moment: str, i: int) -> dict[str, Any]:
         """Columns of `step_bias` for the mean or the sd that a column of `section` has."""
         if not self._step_biases:
-            value = self.columns[name]
-            se = self.columns["se_" + name]
-            return {
-                "bias": 0.0,
-                "se_bias": 0.0,
-                "corrected": value,
-                "se_corrected": se,
-                "rest": 0.0,
-            }
-        estimable = self._estimable(self._arrivals, moment)
-        every = self._step_biases[moment]._asdict()
-        found = {n: v[:, i] * (estimable if n.startswith("se_") else 1.0) for n, v in every.items()}
+            value, se = (self.columns[start + name].astype(float) for start in ("", "se_"))
+            nil = np.zeros(self.impacts)
+            return statistics.StepBias(nil, nil, value, se, nil)._asdict()
+        found = {name: v[:, i] for name, v in self._step_biases[moment]._asdict().items()}
+        for error in ("se_bias", "se_corrected"):
+            found[error] = found[error] * self._estimable(moment)
         if (
             self.plan.apart and not self.result.followers
         ):  # paths that follow at one step may not at another
@@ -591,11 +578,11 @@ class Ensemble(SectionResult):
     def _arrivals(self) -> Floats:
         return np.asarray(self.result.codes.sum(axis=1))
 
-    def _estimable(self, paths: Floats, name: str) -> Floats:
-        """NaN where so few paths cannot have a standard error of a random statistic, else 1."""
-        return np.where(
-            is_random(self.scene) & (paths < statistics.FEWEST_FOR_ERROR[name]), np.nan, 1.0
-        )
+    def _estimable(self, name: str, paths: Floats | None = None) -> Floats:
+        """NaN where so few paths, by default those that arrived, cannot have a standard error of a
+        random statistic, else 1."""
+        few = (self._arrivals if paths is None else paths) < statistics.FEWEST_FOR_ERROR[name]
+        return np.where(is_random(self.scene) & few, np.nan, 1.0)
 
     def _share(self, count: Floats) -> Floats:
         return count / (self.paths / self._copies)

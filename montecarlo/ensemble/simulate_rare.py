@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import numpy as np
-
 from rattle.montecarlo.branches.choose import choose_mixture
 from rattle.montecarlo.diagnostics.unseen import find_unseen, unseen_columns
 from rattle.montecarlo.ensemble.result import Ensemble
@@ -13,7 +11,7 @@ from rattle.montecarlo.ensemble.simulate import extend, simulate
 from rattle.montecarlo.kernel.block import BLOCK
 from rattle.montecarlo.kernel.blocks import Blocks, in_threads
 from rattle.montecarlo.schemes.control_variate import no_control
-from rattle.montecarlo.seed import Rng
+from rattle.montecarlo.seed import Rng, child_seed
 from rattle.montecarlo.settings import is_random
 from rattle.montecarlo.statistics.records import Batches
 from rattle.scene import InputError, Scene, check_scene
@@ -31,7 +29,7 @@ def begin_rare(
     mixture = choose_mixture(run)
     if mixture is None:
         return None
-    seed = np.random.SeedSequence(run.seed.entropy, spawn_key=(*run.seed.spawn_key, RARE_KEY))
+    seed = child_seed(run.seed, RARE_KEY)
     plan = run.plan._replace(mixture=mixture, seed=seed, control=no_control(), keep=False, paths=0)
     batches = None if run.batches is None else Batches.empty(run.impacts)
     return extend_rare(replace(run, plan=plan, paths=0, batches=batches), paths, blocks, progress)

@@ -24,6 +24,7 @@ from rattle.montecarlo.statistics.central_sums import (
     Orders,
     columns_of,
 )
+from rattle.montecarlo.statistics.weighted_sums import WeightedSums
 from rattle.scene import SECTION, Constants, Floats, Ints, Scene
 from rattle.scene.compiled import lean
 from rattle.scene.impact import energy_loss, struck
@@ -136,10 +137,8 @@ def begin_block(plan: Plan, first: int, paths: int) -> tuple[Job, Lanes, Room]:
         c,
         backlash,
         key,
-        scene.phase,
         plan.dt,
         plan.two_point,
-        plan.most_steps,
         plan.control,
         mixture,
         memory_of(scene.correlation_time, plan.dt),
@@ -171,7 +170,8 @@ def sample(plan: Plan, block: int, reuse: bool = False) -> Raw:
     fixed = _array("fixed", (plan.levels, paths, plan.fixed_steps.size, 4), np.nan, reuse)
     controls = _array("controls", beside, 0.0, reuse)
     out = Output(first, rows, plan.fixed_steps, fixed, controls)
-    work, sticking = block_kernel(SCHEMES[plan.scheme])(job, every, room, out)
+    kernel = block_kernel(SCHEMES[plan.scheme])
+    work, sticking = kernel(job, plan.scene.phase, plan.most_steps, every, room, out)
     unfinished = np.isnan(rows[0, :, -1, 0]).sum()
     return Raw(rows, fixed, controls, int(work), int(sticking), int(unfinished))
 
@@ -261,63 +261,116 @@ def _section_sums(impacts: int, levels: list[Floats]) -> dict[str, Any]:
     return dict(zip(JOINT, found, strict=False))
 
 
+def _plain_sums(plan: Plan, raw: Raw, rows: list[Floats]) -> dict[str, Any]:
+    """Sums over the plain paths of a block.
+
+    Shapes: `rows` (impacts * COLUMNS, paths) at each step size.
+    """
+    section = partial(_pairs, plan.impacts)
+    sums = _section_sums(plan.impacts, rows)
+    if plan.energy:
+        losses = energy_losses(plan.scene.constants, raw.rows[0])
+        sums["energy"] = section(columns_of(losses), [(0, 0)], VARIANCE)
+    if plan.control.at_step.size:
+        sums["control"] = section(rows[0], OWN, PAIR, columns_of(raw.controls))
+    if plan.fixed_steps.size:
+        times = partial(_pairs, plan.fixed_steps.size)
+        sums["fixed"] = times(columns_of(raw.fixed[0]), CROSS, PAIR)
+        if plan.levels > 1:
+            sums["coarse_fixed"] = times(columns_of(raw.fixed[1]), ((0, 1), (2, 3)), PAIR)
+    return sums
+
+
+def _weighted_sums(
+    plan: Plan, mixture: BranchMixture, rows: Floats, weights: Floats
+) -> WeightedSums:
+    """Sums over the paths of a block that is drawn from a mixture, with given weights."""
+    values = rows[:, :, :6]
+    centre = mixture.centre
+    if plan.energy:
+        values = np.concatenate([values, energy_losses(plan.scene.constants, rows)], axis=2)
+        centre = np.column_stack([centre, np.zeros(plan.impacts)])
+    return WeightedSums.of_parts(values, weights, centre, mixture.counts, SECTION_PAIRS)
+
+
+def sample_mixture(
+    plan: Plan, mixture: BranchMixture, block: int
+) -> tuple[Floats, Floats, Floats, Raw]:
+    """Run the paths of a block that is drawn from a mixture.
+
+    Returns: Impacts; weights, that is the likelihood ratio of the plain distribution to the mixture
+    given the steps up to each impact, 0 of those that a path did not have; the noise up to each
+    impact along each unit vector; and the output that these are of. Shapes: result (BLOCK, impacts,
+    COLUMNS), (BLOCK, impacts), (BLOCK, impacts, branches).
+    """
+    raw = sample(plan._replace(mixture=mixture), block)
+    weights = np.ascontiguousarray(raw.controls[:, :, 0])
+    return raw.rows[0], weights, raw.controls[:, :, 1:], raw
+
+
 def run(plan: Plan, block: int) -> tuple[BlockResult, Floats | None]:
     """Run a block and reduce it.
 
     Shapes: `rows` (paths, impacts, COLUMNS), or None.
     """
-    raw = sample(plan, block, reuse=True)
-    section = partial(_pairs, plan.impacts)
-    times = partial(_pairs, plan.fixed_steps.size)
-    rows = [columns_of(level) for level in raw.rows]
-    fixed = [columns_of(level) for level in raw.fixed] if plan.fixed_steps.size else []
-    sums = _section_sums(plan.impacts, rows)
-    if plan.energy:
-        sums["energy"] = section(
-            columns_of(energy_losses(plan.scene.constants, raw.rows[0])), [(0, 0)], VARIANCE
-        )
-    if plan.control.at_step.size:
-        sums["control"] = section(rows[0], OWN, PAIR, columns_of(raw.controls))
-    if plan.fixed_steps.size:
-        sums["fixed"] = times(fixed[0], CROSS, PAIR)
-        if plan.levels > 1:
-            sums["coarse_fixed"] = times(fixed[1], ((0, 1), (2, 3)), PAIR)
-    codes, followed = tally(plan, raw.rows[0], np.ones(raw.rows.shape[1:3]))
-    followers = {
-        name: _followers(plan, plan.itineraries[name], raw.rows, rows, sums) for name in plan.apart
-    }
-    kept = raw.rows[0].copy() if plan.keep else None
-    if kept is not None and plan.scene.stages == 1:
-        kept[:, :, 4:6] = np.nan  # a single stage leaves these columns undefined
-    return (
-        BlockResult(
-            sums, codes, followed, raw.path_steps, raw.sticking_steps, raw.unfinished, followers
-        ),
-        kept,
-    )
+    mixture = plan.mixture
+    followers = {}
+    if mixture is None:
+        raw = sample(plan, block, reuse=True)
+        weights = np.ones(raw.rows.shape[1:3])
+        columns = [columns_of(level) for level in raw.rows]
+        sums = _plain_sums(plan, raw, columns)
+    else:
+        rows, weights, _, raw = sample_mixture(plan, mixture, block)
+        if plan.scene.stages == 1:
+            rows[:, :, 4:6] = 0.0  # a single stage leaves these columns undefined
+        sums = {"weighted": _weighted_sums(plan, mixture, rows, weights)}
+    first = raw.rows[0]
+    codes = np.zeros((plan.impacts, len(CODES)))
+    _count_codes(first, weights, codes)
+    agreeing = {}
+    for name, itinerary in plan.itineraries.items():
+        agreeing[name], stays, left = follow_itinerary(first, weights, itinerary)
+        if name not in plan.apart:
+            continue
+        if mixture is None:
+            apart = _follower_sums(plan, itinerary, raw.rows, columns, stays, sums)
+        else:
+            kept = np.where(np.arange(plan.impacts) < stays[:, None], weights, 0.0)
+            apart = {"weighted": _weighted_sums(plan, mixture, first, kept)}
+        followers[name] = Followers(apart, left)
+    if mixture is not None:
+        # in paths: their weights add up to the number of paths only on average
+        scale = np.isfinite(first[:, :, 6]).sum(axis=0) / np.maximum(codes.sum(axis=1), 1e-300)
+        codes = codes * scale[:, None]
+        agreeing = {name: count * scale for name, count in agreeing.items()}
+    kept_rows = first.copy() if plan.keep else None
+    if kept_rows is not None and plan.scene.stages == 1:
+        kept_rows[:, :, 4:6] = np.nan  # a single stage leaves these columns undefined
+    counts = raw.path_steps, raw.sticking_steps, raw.unfinished
+    return BlockResult(sums, codes, agreeing, *counts, followers), kept_rows
 
 
-def _followers(
-    plan: Plan, itinerary: tuple[int, ...], raw: Floats, levels: list[Floats], every: dict[str, Any]
-) -> Followers:
-    """Sums over the paths of a block that follow an itinerary; those over all, `every`, where none
+def _follower_sums(
+    plan: Plan,
+    itinerary: Sequence[int],
+    rows: Floats,
+    columns: list[Floats],
+    stays: Floats,
+    sums: dict[str, Any],
+) -> dict[str, Any]:
+    """Sums over the paths of a block that follow an itinerary; those over all, `sums`, where none
     leaves it."""
-    codes = np.array(itinerary, dtype=float)
-    ones = np.ones(raw.shape[1:3])
-    left = np.zeros((3, plan.impacts, len(CODES)))
-    stays = np.zeros(raw.shape[:2])
-    for level in range(len(levels)):
-        count_followed(
-            raw[level], ones, codes, stays[level], left if level == 0 else np.zeros_like(left)
-        )
-    if (stays == plan.impacts).all():
-        return Followers({name: every[name] for name in JOINT if name in every}, left)
+    ones = np.ones(rows.shape[1:3])
+    stays_of = [stays, *(follow_itinerary(level, ones, itinerary)[1] for level in rows[1:])]
+    if np.min(stays_of) == plan.impacts:
+        return {name: sums[name] for name in JOINT if name in sums}
     kept = []
-    for columns, stay in zip(levels, stays, strict=True):
-        cells = columns.copy().reshape(plan.impacts, -1, columns.shape[1])
+    for cells, stay in zip(columns, stays_of, strict=True):
+        cells = cells.copy().reshape(plan.impacts, -1, cells.shape[1])
         cells[:, :, : stay.size].swapaxes(1, 2)[np.arange(plan.impacts)[:, None] >= stay] = np.nan
-        kept.append(cells.reshape(columns.shape))
-    return Followers(_section_sums(plan.impacts, kept), left)
+        kept.append(cells.reshape(-1, cells.shape[2]))
+    return _section_sums(plan.impacts, kept)
 
 
 def energy_losses(c: Constants, rows: Floats) -> Floats:
@@ -330,18 +383,45 @@ def energy_losses(c: Constants, rows: Floats) -> Floats:
 
 
 @lean
-def count_followed(
-    rows: Floats, weights: Floats, itinerary: Floats, stays: Floats, left: Floats
-) -> None:
-    """Up to which impact each path has followed an itinerary, and what its next impact was: see
-    `Followers.left`.
+def _count_codes(rows: Floats, weights: Floats, codes: Floats) -> None:
+    """Add the weight of each of `CODES` at each impact.
 
-    Shapes: `rows` (paths, impacts, COLUMNS); `weights` (paths, impacts); `stays` (paths,).
+    Shapes: `rows` (paths, impacts, COLUMNS); `weights` (paths, impacts); `codes` (impacts, CODES).
     """
+    paths, impacts = weights.shape
+    for p in range(paths):
+        for k in range(impacts):
+            for i, code in enumerate(CODES):
+                codes[k, i] += weights[p, k] * (rows[p, k, 6] == code)
+
+
+def follow_itinerary(
+    rows: Floats, weights: Floats, itinerary: Sequence[int], left: Floats | None = None
+) -> tuple[Floats, Floats, Floats]:
+    """The weight that has followed an itinerary up to each impact, up to which impact each path
+    has, and what its next impact was: `Followers.left`, added to that of other paths if given.
+
+    Shapes: `rows` (paths, impacts, COLUMNS); `weights` (paths, impacts); result (impacts,),
+    (paths,), (3, impacts, CODES).
+    """
+    paths, impacts = weights.shape
+    agreeing = np.zeros(impacts)
+    stays = np.zeros(paths)
+    left = np.zeros((3, impacts, len(CODES))) if left is None else left
+    _follow(rows, weights, np.array(itinerary, dtype=float), agreeing, stays, left)
+    return agreeing, stays, left
+
+
+@lean
+def _follow(
+    rows: Floats, weights: Floats, itinerary: Floats, agreeing: Floats, stays: Floats, left: Floats
+) -> None:
+    """Add the paths of a block to `agreeing`, `stays` and `left`, see `follow_itinerary`."""
     paths, impacts = rows.shape[:2]
     for p in range(paths):
         k = 0
         while k < impacts and rows[p, k, 6] == itinerary[k]:
+            agreeing[k] += weights[p, k]
             k += 1
         stays[p] = k
         if k < impacts and itinerary[k] != 0.0:
@@ -351,33 +431,3 @@ def count_followed(
                     left[0, k, i] += w
                     left[1, k, i] += w * w
                     left[2, k, i] = max(left[2, k, i], w)
-
-
-def tally(plan: Plan, rows: Floats, weights: Floats) -> tuple[Floats, dict[str, Floats]]:
-    """Weight of each of `CODES` per impact, and of the paths that have followed each itinerary so
-    far.
-
-    Shapes: `rows` (paths, impacts, COLUMNS); `weights` (paths, impacts); result (impacts, CODES),
-    each (impacts,).
-    """
-    listed = np.array(list(plan.itineraries.values()), dtype=float).reshape(-1, plan.impacts)
-    codes = np.zeros((plan.impacts, len(CODES)))
-    agreeing = np.zeros(listed.shape)
-    _tally(rows, weights, listed, codes, agreeing)
-    return codes, dict(zip(plan.itineraries, agreeing, strict=True))
-
-
-@lean
-def _tally(
-    rows: Floats, weights: Floats, itineraries: Floats, codes: Floats, agreeing: Floats
-) -> None:
-    paths, impacts = rows.shape[:2]
-    for p in range(paths):
-        for k in range(impacts):
-            for i, code in enumerate(CODES):
-                codes[k, i] += weights[p, k] * (rows[p, k, 6] == code)
-        for i in range(len(itineraries)):
-            for k in range(impacts):
-                if rows[p, k, 6] != itineraries[i, k]:
-                    break
-                agreeing[i, k] += weights[p, k]

@@ -12,7 +12,6 @@ from itertools import islice
 from typing import Any
 
 from rattle.montecarlo.kernel.block import BlockResult, Plan, run
-from rattle.montecarlo.kernel.weighted_paths import run_mixture
 from rattle.scene import Floats
 
 HOUR = 3600.0
@@ -58,11 +57,7 @@ def in_tasks(submit: Callable[..., Future[Any]], workers: int, share: int = 1) -
 def run_blocks(plan: Plan, first: int, end: int) -> list[tuple[BlockResult, Floats | None]]:
     """On a worker: the results of blocks `first` to `end`, one each, so that they can be merged in
     order."""
-    mixture = plan.mixture
-    return [
-        run(plan, n) if mixture is None else run_mixture(plan, mixture, n)
-        for n in range(first, end)
-    ]
+    return [run(plan, n) for n in range(first, end)]
 
 
 def clock() -> float:

@@ -11,7 +11,7 @@ import numpy as np
 from rattle.montecarlo.kernel.mixture import BranchMixture, condition, weigh
 from rattle.montecarlo.noise.backlash import Backlash, half_gap
 from rattle.montecarlo.noise.brownian import Noise
-from rattle.montecarlo.noise.memory import Memory, color_increments, color_noise
+from rattle.montecarlo.noise.memory import Memory, color_noise
 from rattle.montecarlo.noise.philox import Key, Word, fill_normals, fill_signs, fill_words
 from rattle.montecarlo.schemes import lanes as vector
 from rattle.montecarlo.schemes.control_variate import LinearPath, carry_along
@@ -37,10 +37,8 @@ class Job(NamedTuple):
     c: Constants  # of the scene
     backlash: Backlash  # half gaps and their tolerance
     key: Key  # of the random numbers
-    tau: float  # initial time
     dt: float  # finest step
     two_point: bool  # whether increments are two-point
-    most_steps: int  # finest steps after which a path is given up
     control: LinearPath  # carried along beside the finest level; empty for none
     mixture: BranchMixture  # from which paths are drawn, at one level; empty for plain paths
     memory: Memory = Memory()  # of the noise, for the finest step; not used for white noise
@@ -139,13 +137,15 @@ def finish_inside(
             sticking = True
             break
         if at.code != 0:
-            record(job, level, p, at.code, at.tau, (at.x1, at.y1, at.x2, at.y2), lanes, room, out)
-            y1, y2 = rebound(job.c, abs(at.code), at.y1, at.y2)
-            at = Progress(0, at.tau, at.left, at.noise, at.x1, y1, at.x2, y2)
-    state[0, p] = at.x1
-    state[1, p] = at.y1
-    state[2, p] = at.x2
-    state[3, p] = at.y2
+            record(job, level, p, at.code, at.tau, at.state, lanes, room, out)
+            x1, y1, x2, y2 = at.state
+            y1, y2 = rebound(job.c, abs(at.code), y1, y2)
+            at = Progress(0, at.tau, at.left, at.noise, (x1, y1, x2, y2))
+    x1, y1, x2, y2 = at.state
+    state[0, p] = x1
+    state[1, p] = y1
+    state[2, p] = x2
+    state[3, p] = y2
     return sticking
 
 
@@ -165,10 +165,7 @@ def draw_noise(has_area: bool, job: Job, n: int, room: Room, wide: int) -> tuple
     w = z[use * (4 // draws)]
     area = z[2 * use + 1 if has_area else 4]
     if job.c.memory > 0.0 and job.c.sigma != 0.0:
-        if has_area:
-            color_noise(job.memory, room.eta, w, area, wide)
-        else:
-            color_increments(job.memory, room.eta, w, wide)
+        color_noise(job.memory, room.eta, w, area, has_area, wide)
     return w, area
 
 
@@ -224,7 +221,7 @@ def finish_marked(
     for i in range(vector.list_marked(room.marks, live, room.groups, room.hits)):
         p = room.hits[i]
         noise = Noise(lanes.w[p] * math.sqrt(h), lanes.area[p] * math.sqrt(h / 12.0))
-        at = Progress(0, now, h, noise, s[0, p], s[1, p], s[2, p], s[3, p])
+        at = Progress(0, now, h, noise, (s[0, p], s[1, p], s[2, p], s[3, p]))
         met = lanes.impacts[p]
         sticking += finish_inside(
             advance,
@@ -260,14 +257,8 @@ def record_states(every: Lanes, room: Room, out: Output, k: int, live: int) -> N
 def block_kernel(scheme: Scheme) -> Callable[..., tuple[int, int]]:
     """Kernel that follows a block of paths by one scheme; code of other schemes is not compiled in.
 
-    The kernel is called with ``(job, every, room, out)``.  It follows each path until it has had
-    its impacts, at one or more step sizes on the same Brownian path, and returns the number of
-    path-steps, and of those in which a mesh stayed closed to the end.
-
-    - job : Job.  Level l has the step ``2**l dt``; after ``most_steps`` finest steps paths are
-      given up.
-    - every, room : Lanes, Room, from `rattle.montecarlo.schemes.lanes.lanes_of`.
-    - out : Output.
+    It follows paths from tau on until they have had their impacts, or so many finest steps, at step
+    sizes ``2**level dt`` on the same Brownian path; gives path-steps, and in how many a mesh stuck.
     """
     has_area = scheme.normals == 2
     at_end = scheme.detects_at_end
@@ -279,18 +270,16 @@ def block_kernel(scheme: Scheme) -> Callable[..., tuple[int, int]]:
     stick_to_end = scheme.stick_to_end
 
     @lean
-    def run_block(job: Job, every: Lanes, room: Room, out: Output) -> tuple[int, int]:
+    def run_block(
+        job: Job, tau: float, most_steps: int, every: Lanes, room: Room, out: Output
+    ) -> tuple[int, int]:
         widest_vectors()
         levels, live, impacts, _ = out.rows.shape
         times = out.fixed_steps.size
-        work = ZERO
-        sticking = ZERO
-        recorded = ZERO
-        linear = ZERO
-        n = ZERO
-        while n < job.most_steps and live > 0:
+        work = sticking = recorded = linear = n = ZERO
+        while n < most_steps and live > 0:
             wide = (live + 7) // 8 * 8
-            for _ in range(min(vector.CHUNK, job.most_steps - n)):
+            for _ in range(min(vector.CHUNK, most_steps - n)):
                 w, area = draw_noise(has_area, job, n, room, wide)
                 if has_area:
                     linear = carry_beside(job, n, linear, room, w, area, out, live, wide)
@@ -301,19 +290,16 @@ def block_kernel(scheme: Scheme) -> Callable[..., tuple[int, int]]:
                     if level > 0:
                         if n % (multiple // 2) != 0:
                             break
-                        coarse_w = every.w[level]
-                        coarse_area = every.area[level]
                         whole = n % multiple == 0
-                        join_noise(w, area, coarse_w, coarse_area, whole, wide)
-                        w = coarse_w
-                        area = coarse_area
+                        join_noise(w, area, every.w[level], every.area[level], whole, wide)
+                        w = every.w[level]
+                        area = every.area[level]
                         if not whole:
                             break
                     lanes = vector.of_level(every, level, w, area)
                     h = job.dt * multiple
-                    begin = job.tau + (n - multiple) * job.dt
+                    begin = tau + (n - multiple) * job.dt
                     step_lanes(job.c, begin, h, job.backlash.random, lanes, room.marks, wide)
-                    phase = phase_at(job.c.drive, begin)
                     sticking += finish_marked(
                         advance,
                         find_sticking,
@@ -324,7 +310,7 @@ def block_kernel(scheme: Scheme) -> Callable[..., tuple[int, int]]:
                         n,
                         level,
                         begin,
-                        phase,
+                        phase_at(job.c.drive, begin),
                         lanes,
                         room,
                         out,

@@ -15,6 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from rattle.montecarlo.seed import child_seed
 from rattle.scene import Floats, Ints
 from rattle.scene.compiled import lean_internal, widest_vectors
 
@@ -90,9 +91,7 @@ def draw_targets(
     ahead = np.zeros(paths)
     at = 0
     normal = NormalDist()
-    rng = np.random.default_rng(
-        np.random.SeedSequence(seed.entropy, spawn_key=(*seed.spawn_key, TARGETS, block))
-    )
+    rng = np.random.default_rng(child_seed(seed, TARGETS, block))
     for i, n in enumerate(mixture.counts[:-1].tolist()):
         beyond = tail(mixture.level.flat[i])
         ahead[at : at + n] = [-normal.inv_cdf(beyond * u) for u in 1.0 - rng.random(n)]

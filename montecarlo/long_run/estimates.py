@@ -18,6 +18,7 @@ from rattle.montecarlo.long_run import sums as tally
 from rattle.montecarlo.long_run.noise_work import CONTROLS
 from rattle.montecarlo.long_run.sums import Collected
 from rattle.montecarlo.statistics.intervals import Spread, half_width, spread
+from rattle.montecarlo.statistics.section_statistics import variance_of
 from rattle.scene import Floats
 
 QUANTILES = (1, 5, 50, 95, 99)
@@ -36,25 +37,28 @@ def groups(stages: int) -> Iterator[tuple[int, str]]:
         yield mesh, f"_mesh{mesh}"
 
 
+SPREADS = ("", "sd_", "skew_", *(f"q{percent:02d}_" for percent in QUANTILES))
+GROUP_NAMES = (
+    "rate_above",
+    *(prefix + "speed_above" for prefix in SPREADS),
+    "rms_speed_above",
+    "rate",
+    *(prefix + name for name in ("flight", "speed") for prefix in SPREADS),
+    "rms_speed",
+    "energy",
+    "energy_per_period",
+    "power",
+    "slow_share",
+)
+"""Names of the quantities of a group, in the order of a table."""
+
+
 def all_names(stages: int) -> tuple[str, ...]:
     """Names of all quantities, in the order of a table."""
-    found = []
-    spread = ("", "sd_", "skew_", *(f"q{percent:02d}_" for percent in QUANTILES))
-    for _, suffix in groups(stages):
-        for rate, names in (("rate_above", ("speed_above",)), ("rate", ("flight", "speed"))):
-            found += [
-                rate + suffix,
-                *(f"{prefix}{name}{suffix}" for name in names for prefix in spread),
-            ]
-            found += [f"rms_{names[-1]}{suffix}"]
-        found += [name + suffix for name in ("energy", "energy_per_period", "power", "slow_share")]
+    meshes = range(1, stages + 1)
     return (
-        *found,
-        *(
-            f"{name}_share_mesh{mesh}"
-            for name in ("contact", "open")
-            for mesh in range(1, stages + 1)
-        ),
+        *(name + suffix for _, suffix in groups(stages) for name in GROUP_NAMES),
+        *(f"{name}_share_mesh{mesh}" for name in ("contact", "open") for mesh in meshes),
     )
 
 
@@ -144,7 +148,8 @@ class _Maker:
     """Makes estimates from collected sums."""
 
     def __init__(self, c: Collected) -> None:
-        self.c, self.main = c, c.main.sum(axis=1)
+        self.c = c
+        self.main = c.main.sum(axis=1)
 
     def _make(
         self,
@@ -179,55 +184,50 @@ class _Maker:
         summed over impacts."""
         whole = self.c.time * self.c.paths
         value = float(sums.sum()) / whole
-        rest = square - 2.0 * value * cross + value**2 * self._raw(g, tally.FLIGHT)[1]
+        rest = square - 2.0 * value * cross + value**2 * self._flights(g)[1]
         naive = math.sqrt(max(rest, 0.0)) / whole
-        found = spread(factor * sums.sum(axis=1) / self.c.time)
-        return self._make(found, factor * naive, factor * self._batch_se(sums, None))
+        rate = spread(factor * sums.sum(axis=1) / self.c.time)
+        return self._make(rate, factor * naive, factor * self._batch_se(sums, None))
 
-    def _raw(self, g: int, i: int) -> tuple[float, float]:
-        """Sums of a value and of its square."""
-        m = self.c.power[:, g, i].sum(axis=0)
-        r = self.c.scales
-        a = float(r.centre[g, i])
-        s = float(r.scale[g, i])
+    def _flights(self, g: int) -> tuple[float, float]:
+        """Sums of the flights of a group, and of their squares."""
+        m = self.c.power[:, g, tally.FLIGHT].sum(axis=0)
+        a = float(self.c.scales.centre[g, tally.FLIGHT])
+        s = float(self.c.scales.scale[g, tally.FLIGHT])
         return float(a * m[0] + s * m[1]), float(a * a * m[0] + 2.0 * a * s * m[1] + s * s * m[2])
 
-    def _ratio(self, top: int, bottom: int) -> tuple[Spread, float]:
-        """A ratio of two columns, and its standard error from batches."""
-        (found,) = _jackknife(self.main[:, [top, bottom]], lambda s: s[None, :, 0] / s[:, 1])
-        return found, self._batch_se(self.c.main[:, :, top], bottom)
+    def _ratio(self, top: int, bottom: int, square: float, *range_of: float) -> StationaryEstimate:
+        """The mean over impacts of what a column sums, from the sum of its square; in a range."""
+        (mean,) = _jackknife(self.main[:, [top, bottom]], lambda s: s[None, :, 0] / s[:, 1])
+        n = float(self.main[:, bottom].sum())
+        naive = _root(square / n - mean.value**2, n)
+        batches = self._batch_se(self.c.main[:, :, top], bottom)
+        return self._make(mean, naive, batches, *range_of)
 
     def impacts(self, g: int) -> dict[str, StationaryEstimate]:
         """Rates and energies of the impacts of a group, and the share of slow ones."""
-        number, energy, slow = (
-            self.c.main[:, :, 4 * g + k] for k in (tally.NUMBER, tally.ENERGY, tally.SLOW)
+        at_number, at_energy, at_slow = (
+            4 * g + column for column in (tally.NUMBER, tally.ENERGY, tally.SLOW)
         )
+        number = self.c.main[:, :, at_number]
+        energy = self.c.main[:, :, at_energy]
+        slow = self.c.main[:, :, at_slow]
         above = number - slow
-        n = float(self.main[:, 4 * g + tally.NUMBER].sum())
-        products = self.c.products[:, g]
-        square, cross = (float(total) for total in products[:, :2].sum(axis=0))
+        square, cross, flights_above = self.c.products[:, g].sum(axis=0).tolist()
         rates = {
-            "rate_above": self._per_time(above, g, float(above.sum()), float(products[:, 2].sum())),
-            "rate": self._per_time(number, g, float(number.sum()), self._raw(g, tally.FLIGHT)[0]),
+            "rate_above": self._per_time(above, g, float(above.sum()), flights_above),
+            "rate": self._per_time(number, g, float(number.sum()), self._flights(g)[0]),
         }
         most = most_unseen(self.c.time * self.c.paths)
-        rates |= {
-            name: rate._replace(high=most)
-            for name, rate in rates.items()
-            if rate.value == rate.se == 0.0
-        }
-        loss, loss_batches = self._ratio(4 * g + tally.ENERGY, 4 * g + tally.NUMBER)
-        share, share_batches = self._ratio(4 * g + tally.SLOW, 4 * g + tally.NUMBER)
+        for name, rate in rates.items():
+            if rate.value == rate.se == 0.0:
+                rates[name] = rate._replace(high=most)
         return {
             **rates,
-            "energy": self._make(
-                loss, _root(float(products[:, 0].sum()) / n - loss.value**2, n), loss_batches
-            ),
+            "energy": self._ratio(at_energy, at_number, square),
             "energy_per_period": self._per_time(energy, g, square, cross, 2.0 * math.pi),
             "power": self._per_time(energy, g, square, cross),
-            "slow_share": self._make(
-                share, _root(share.value * (1.0 - share.value), n), share_batches, 0.0, 1.0
-            ),
+            "slow_share": self._ratio(at_slow, at_number, float(slow.sum()), 0.0, 1.0),
         }
 
     def share(self, of: int, mesh: int) -> StationaryEstimate:
@@ -235,73 +235,57 @@ class _Maker:
         autocorrelation in impacts."""
         c = self.c
         column = of + mesh - 1
-        found = spread(self.main[:, column] / c.samples)
+        part = spread(self.main[:, column] / c.samples)
         samples = c.samples * c.paths
         apart = float(self.main[:, tally.NUMBER].sum()) / samples  # impacts between two samples
-        naive = math.sqrt(
-            max(found.value * (1.0 - found.value), 0.0) / samples / max(apart, 1e-300)
-        )
-        return self._make(
-            found, naive, self._batch_se(c.main[:, :, column], None) * c.time / c.samples, 0.0, 1.0
-        )
+        square = max(part.value * (1.0 - part.value), 0.0)
+        naive = math.sqrt(square / samples / max(apart, 1e-300))
+        batches = self._batch_se(c.main[:, :, column], None) * c.time / c.samples
+        return self._make(part, naive, batches, 0.0, 1.0)
 
     def moments(self, g: int, i: int) -> Iterator[tuple[str, StationaryEstimate]]:
         """Mean, sd and skewness of flight or of a speed, and the root of its mean square of a
         speed."""
         power = self.c.power[:, g, i]
         scale = float(self.c.scales.scale[g, i])
-        centre = self.c.scales.centre[g, i]
+        centre = float(self.c.scales.centre[g, i])
 
-        def figures(
-            s: Floats,
-        ) -> Floats:  # mean, sd and skewness in units of the scale, and the root mean square
+        def figures(s: Floats) -> Floats:
+            """Mean, sd and skewness in units of the scale, and the root mean square."""
             with np.errstate(invalid="ignore", divide="ignore"):
-                m = s / s[:, :1]
-                variance = np.maximum(m[:, 2] - m[:, 1] ** 2, 0.0)
-                third = m[:, 3] - 3.0 * m[:, 1] * m[:, 2] + 2.0 * m[:, 1] * m[:, 1] ** 2
+                _, mean, second, third, *_ = (s / s[:, :1]).T
+                variance = np.maximum(second - mean**2, 0.0)
+                third = third - 3.0 * mean * second + 2.0 * mean * mean**2
                 sd = np.sqrt(variance)
-                return np.stack(
-                    [
-                        m[:, 1],
-                        sd,
-                        third / (variance * sd),
-                        np.hypot(scale * m[:, 1] + centre, scale * sd),
-                    ]
-                )
+                rms = np.hypot(scale * mean + centre, scale * sd)
+                return np.stack([mean, sd, third / (variance * sd), rms])
 
-        m = power.sum(axis=0)
-        mean, sd, skew, rms = figures(m[None])[:, 0].tolist()
-        n = float(m[0])
-        unit_powers = np.array([sd**k for k in range(tally.POWER_SUMS)])
-        central = (
-            _central(m / n, mean) / unit_powers if sd > 0.0 else np.full(tally.POWER_SUMS, math.nan)
-        )
-        along = scale * mean + float(centre)  # the mean
-
-        # polynomial in the standardised value, its unit, and unit and origin of the estimate
+        raw = power.sum(axis=0)
+        n = float(raw[0])
+        mean, sd, skew, rms = figures(raw[None])[:, 0].tolist()
+        unit = scale * sd
+        # influence as a polynomial in the standardised value, in a unit; unit and origin of the
+        # estimate
         influence = {
-            "": (np.array([0.0, 1.0]), scale * sd, scale, float(centre)),
-            "sd_": (np.array([-0.5, 0.0, 0.5]), scale * sd, scale, 0.0),
-            "skew_": (np.array([0.5 * skew, -3.0, -1.5 * skew, 1.0]), 1.0, 1.0, 0.0),
+            "": ([0.0, 1.0], unit, scale, centre),
+            "sd_": ([-0.5, 0.0, 0.5], unit, scale, 0.0),
+            "skew_": ([0.5 * skew, -3.0, -1.5 * skew, 1.0], 1.0, 1.0, 0.0),
         }
         if i != tally.FLIGHT:
-            slope = np.array([-sd * scale, 2.0 * along, sd * scale]) / (2.0 * rms)
-            influence["rms_"] = slope, scale * sd, 1.0, 0.0
-        found_of = zip(influence.items(), _jackknife(power, figures), strict=False)
-        for (prefix, (polynomial, unit, factor, origin)), found in found_of:
-            square = sum(
-                a * b * central[p + q]
-                for p, a in enumerate(polynomial)
-                for q, b in enumerate(polynomial)
-            )
-            naive = unit * _root(square, n) if sd > 0.0 else math.nan
+            slope = np.array([-unit, 2.0 * (scale * mean + centre), unit]) / (2.0 * rms)
+            influence["rms_"] = slope.tolist(), unit, 1.0, 0.0
+        figure_of = zip(influence.items(), _jackknife(power, figures), strict=False)
+        for (prefix, (polynomial, unit_of, factor, origin)), figure in figure_of:
+            naive = math.nan
+            if sd > 0.0:
+                standardised = _central(raw / n, mean) / [sd**k for k in range(raw.size)]
+                naive = unit_of * _root(float(variance_of(polynomial, standardised)), n)
             batches = math.nan
             if (prefix, i) == ("", tally.SPEED):
-                batches = self._batch_se(
-                    self.c.main[:, :, 4 * g + tally.SPEED], 4 * g + tally.NUMBER
-                )
-            found = found._replace(value=found.value * factor + origin, se=found.se * factor)
-            yield prefix, self._make(found, naive, batches)
+                speed = self.c.main[:, :, 4 * g + tally.SPEED]
+                batches = self._batch_se(speed, 4 * g + tally.NUMBER)
+            figure = figure._replace(value=figure.value * factor + origin, se=figure.se * factor)
+            yield prefix, self._make(figure, naive, batches)
 
     def quantiles(self, g: int, i: int) -> Iterator[tuple[str, StationaryEstimate]]:
         """Quantiles, with intervals by Woodruff's method: those of the probability, read off the
@@ -313,14 +297,12 @@ class _Maker:
         whole = below.sum(axis=0) / n.sum()
         for percent in QUANTILES:
             p = 0.01 * percent
-            k = int(np.clip(np.searchsorted(whole, p), 0, edges.size - 1))
+            k = min(int(np.searchsorted(whole, p)), edges.size - 1)
             part = spread((below[:, k] - whole[k] * n) / n.mean())
             half = float(half_width(part.effective_paths))
-            value, low, high = (
-                float(np.interp(p + x * part.se, whole, edges)) for x in (0.0, -half, half)
-            )
-            found = Spread(value, part.se, part.effective_paths)
-            e = self._make(found, math.sqrt(p * (1.0 - p) / float(n.sum())))
+            around = [p, p - half * part.se, p + half * part.se]
+            value, low, high = np.interp(around, whole, edges).tolist()
+            e = self._make(part._replace(value=value), _root(p * (1.0 - p), float(n.sum())))
             yield f"q{percent:02d}_", e._replace(se=0.5 * (high - low) / half, low=low, high=high)
 
 
@@ -354,6 +336,7 @@ def estimates(c: Collected, names: tuple[str, ...] | None = None) -> dict[str, S
 
 
 def _estimates(made: _Maker, names: tuple[str, ...] | None) -> dict[str, StationaryEstimate]:
+    """Those quantities of a long run that are wanted, or all, from the sums of `made`."""
     c = made.c
     out: dict[str, StationaryEstimate] = {}
     for g, suffix in groups(c.stages):
@@ -362,12 +345,11 @@ def _estimates(made: _Maker, names: tuple[str, ...] | None) -> dict[str, Station
         for i, name in NAMES.items():
             if not c.power[:, g, i, 0].any():
                 continue
-            prefixes = (
-                ("", "sd_", "skew_", "rms_"),
-                tuple(f"q{percent:02d}_" for percent in QUANTILES),
-            )
-            for make, group in zip((made.moments, made.quantiles), prefixes, strict=True):
-                if names is None or any(prefix + name + suffix in names for prefix in group):
+            for make, prefixes in (
+                (made.moments, (*SPREADS[:3], "rms_")),
+                (made.quantiles, SPREADS[3:]),
+            ):
+                if names is None or any(prefix + name + suffix in names for prefix in prefixes):
                     out |= {prefix + name + suffix: estimate for prefix, estimate in make(g, i)}
         out |= {name + suffix: estimate for name, estimate in made.impacts(g).items()}
     for mesh in range(1, c.stages + 1):

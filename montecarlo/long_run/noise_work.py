@@ -104,11 +104,10 @@ def add_noise_work(
     """
     mass = c.mu / (1.0 - c.mu) if c.stages == 2 else 0.0
     variance = c.sigma * c.sigma
-    begin = tau - apart
     last = states.shape[1] - 1
     for p in range(len(rows)):
-        at = begin
-        here = sine_cosine(begin)
+        at = tau - apart
+        here = sine_cosine(at)
         u1 = c.alpha * here[1] - before[p, 1]
         u2 = u1 + before[p, 3]
         k = 0

@@ -19,7 +19,7 @@ from rattle.montecarlo.kernel.blocks import HOUR, clock
 from rattle.montecarlo.long_run.estimates import StationaryEstimate, all_names, estimates
 from rattle.montecarlo.long_run.paths import PATH_BATCHES, STATIONARY_PERIODS, LongPaths, warm_up
 from rattle.montecarlo.long_run.result import BurnIn, Contrast, LongReach, LongRun
-from rattle.montecarlo.long_run.sums import CONTACT, NUMBER, new_sums, no_scales, scales_of_pilot
+from rattle.montecarlo.long_run.sums import NUMBER, new_sums, no_scales, scales_of_pilot
 from rattle.montecarlo.long_run.walk import Walk
 from rattle.montecarlo.looks import begin_budget, grow
 from rattle.montecarlo.settings import check_settings
@@ -45,7 +45,16 @@ LEAST_IMPACTS = 20.0
 FALSE_TEST = 1e-3  # probability that a run that is stationary fails a test
 TOO_FAR = 4.0  # ratio of variances between and within paths from which paths count as kept apart
 PARTS_OF_HALF = 4  # of the last half, within each path
-COMPARED_SUMS = ("impacts", "speed", "energy", "slow impacts")
+COMPARED = (
+    *(
+        what + where
+        for where in ("", " at mesh 1", " at mesh 2")
+        for what in ("impacts", "speed", "energy", "slow impacts")
+    ),
+    "contact at mesh 1",
+    "contact at mesh 2",
+)
+"""What the columns of `Sums.main` that are compared sum."""
 PROBED = 16  # paths of a run that is timed before the others
 PROBE_PERIODS = 2  # its periods that are timed, after as many in which the paths leave their start
 
@@ -60,9 +69,11 @@ class AtRest(InputError):
     watched = (0, 0)  # paths, and periods of each in which a mesh was closed and no impact was seen
 
 
-def _names() -> list[str]:
-    counted = [what + where for where in ("", " at mesh 1", " at mesh 2") for what in COMPARED_SUMS]
-    return [*counted, "contact at mesh 1", "contact at mesh 2"]
+def _largest(size: Floats, allowed: float, share: Floats | None = None) -> Contrast:
+    """The largest of the differences of all columns of `Sums.main` that are compared."""
+    k = int(np.argmax(np.abs(size)))
+    of_mean = math.nan if share is None else float(share[k])
+    return Contrast(COMPARED[k], float(size[k]), allowed, of_mean)
 
 
 def drift(main: Floats, early: slice, late: slice) -> Contrast:
@@ -70,7 +81,7 @@ def drift(main: Floats, early: slice, late: slice) -> Contrast:
 
     Shapes: `main` (paths, batches, MAIN).
     """
-    a, b = (main[:, part, : CONTACT + 2].mean(axis=1) for part in (early, late))
+    a, b = (main[:, part, : len(COMPARED)].mean(axis=1) for part in (early, late))
     difference = b - a
     n = len(main)
     mean = difference.mean(axis=0)
@@ -78,9 +89,8 @@ def drift(main: Floats, early: slice, late: slice) -> Contrast:
     with np.errstate(invalid="ignore", divide="ignore"):
         z = np.where(se > 0.0, mean / se, np.where(mean == 0.0, 0.0, np.inf))
         share = mean / np.abs(b.mean(axis=0))
-    k = int(np.argmax(np.abs(z)))
     allowed = float(stdtrit(n - 1, 1.0 - 0.5 * FALSE_TEST / z.size))
-    return Contrast(_names()[k], float(z[k]), allowed, float(share[k]))
+    return _largest(z, allowed, share)
 
 
 def apart(main: Floats, late: slice) -> Contrast:
@@ -88,15 +98,13 @@ def apart(main: Floats, late: slice) -> Contrast:
 
     Shapes: `main` (paths, batches, MAIN).
     """
-    own = main[:, late, : CONTACT + 2]
-    parts = own.reshape(len(own), PARTS_OF_HALF, -1, own.shape[2]).mean(axis=2)
+    compared = main[:, late, : len(COMPARED)]
+    parts = compared.reshape(len(main), PARTS_OF_HALF, -1, len(COMPARED)).mean(axis=2)
     within = parts.var(axis=1, ddof=1).mean(axis=0) / PARTS_OF_HALF
     between = parts.mean(axis=1).var(axis=0, ddof=1)
     with np.errstate(invalid="ignore", divide="ignore"):
         ratio = np.where(between > 1e-24, between / within, 0.0)
-    ratio = np.where(np.isnan(ratio), 0.0, ratio)
-    k = int(np.argmax(ratio))
-    return Contrast(_names()[k], float(ratio[k]), TOO_FAR)
+    return _largest(np.where(np.isnan(ratio), 0.0, ratio), TOO_FAR)
 
 
 def settle(paths: LongPaths, burn_in: int | None) -> BurnIn:
@@ -115,26 +123,19 @@ def settle(paths: LongPaths, burn_in: int | None) -> BurnIn:
         quarter = main.shape[1] // 4
         late = slice(main.shape[1] - 2 * quarter, main.shape[1])
         impacts = float(main[:, late, NUMBER].sum()) / len(main)
-        moved = (
-            drift(main, slice(quarter, 2 * quarter), late)
-            if quarter
-            else Contrast("", 0.0, math.inf, 0.0)
-        )
-        differ = (
-            apart(main, late)
-            if quarter * 2 % PARTS_OF_HALF == 0 and quarter and not paths.own_walls
-            else None
-        )
+        moved = Contrast("", 0.0, math.inf, 0.0)
+        differ = None
+        if quarter:
+            moved = drift(main, slice(quarter, 2 * quarter), late)
+            if quarter * 2 % PARTS_OF_HALF == 0 and not paths.own_walls:
+                differ = apart(main, late)
         if burn_in is not None or (
             moved.reached and (differ is None or differ.reached) and impacts >= LEAST_IMPACTS
         ):
             return BurnIn(paths.periods, moved, differ)
         if impacts == 0.0 and paths.at_rest():
-            rest = AtRest(
-                "scene",
-                paths.scene.sigma,
-                "comes to rest: a mesh stays closed, and no impact was seen",
-            )
+            why = "comes to rest: a mesh stays closed, and no impact was seen"
+            rest = AtRest("scene", paths.scene.sigma, why)
             rest.watched = len(main), 2 * quarter * paths.length
             raise rest
         if (
@@ -156,17 +157,11 @@ def refusal(
 ) -> BurnInError:
     """The error for a burn-in that was not reached in `done` periods."""
     must = 4 * done
-    if (
-        before is not None
-        and abs(moved.share) < 0.9 * abs(before.share)
-        and moved.share * before.share > 0.0
-    ):
+    falls = before.share / moved.share if before is not None and moved.share else 0.0
+    if falls > 1.0 / 0.9:
         # of an exponential decay, over half of the run
-        fall = math.log(abs(before.share / moved.share))
-        must = min(
-            max(math.ceil(done + 0.5 * done * math.log(abs(moved.size)) / fall), 2 * done),
-            64 * done,
-        )
+        until = done + 0.5 * done * math.log(abs(moved.size)) / math.log(falls)
+        must = min(max(math.ceil(until), 2 * done), 64 * done)
     if impacts < LEAST_IMPACTS:
         why = (
             f"a path had {impacts:.3g} impacts in the last half, and {LEAST_IMPACTS:g} are the"
@@ -231,11 +226,8 @@ def _gather(
             gives = width * math.sqrt(before * paths.nominal / HOUR)
             why = (
                 f"is expected to take {duration_text(more * paths.nominal)} of processor time, and"
-                " without a budget "
-            )
-            why += (
-                f"the limit is one hour: ask for {gives:.2g}, or give the seconds that it may take"
-                " as budget"
+                f" without a budget the limit is one hour: ask for {gives:.2g}, or give the seconds"
+                " that it may take as budget"
             )
             raise InputError("accuracy", goal, why)
         paths.expect(PERIODS_SPARE * more)
@@ -246,20 +238,15 @@ def _gather(
     return None
 
 
-def _find_widest(found: dict[str, StationaryEstimate]) -> tuple[float, str]:
-    """Find the widest interval."""
-    widths = {
-        name: (
-            0.0
-            if e.se == 0.0
-            else 0.5 * (e.high - e.low) / abs(e.value)
-            if e.value != 0.0
-            else math.inf
-        )
-        for name, e in found.items()
-    }
-    worst = max(widths, key=lambda name: (not math.isfinite(widths[name]), widths[name]))
-    return (widths[worst] if math.isfinite(widths[worst]) else math.inf), worst
+def _find_widest(asked: dict[str, StationaryEstimate]) -> tuple[float, str]:
+    """Half width of the widest interval over its value, infinite where that is unknown; its
+    quantity."""
+    widths = {}
+    for name, e in asked.items():
+        width = math.inf if e.value == 0.0 else 0.5 * (e.high - e.low) / abs(e.value)
+        widths[name] = 0.0 if e.se == 0.0 else math.inf if math.isnan(width) else width
+    worst = max(widths, key=lambda name: widths[name], default="")
+    return widths.get(worst, math.inf), worst
 
 
 class ExpectedRun(NamedTuple):

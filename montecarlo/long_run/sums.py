@@ -177,35 +177,32 @@ def _add_to_section(s: Sums, p: int, mesh: int, tau: float, y: float) -> None:
 
 
 @inline
-def _add_states(
-    c: Constants, states: Floats, sine: Floats, cosine: Floats, walls: Floats, p: int, main: Floats
+def _add_wheel(
+    i: int,
+    wall: float,
+    beta: float,
+    states: Floats,
+    sine: Floats,
+    cosine: Floats,
+    walls: Floats,
+    p: int,
+    main: Floats,
 ) -> None:
-    """Add the states of a path, and their work."""
-    near1 = 2.0 * NEAR_FLANK * c.wall1
-    near2 = 2.0 * NEAR_FLANK * c.wall2
-    open1 = open2 = closed1 = closed2 = squared1 = squared2 = moved1 = moved2 = 0.0
+    """Add the states of a wheel, the first or the second, and their work."""
+    near = 2.0 * NEAR_FLANK * wall
+    closed = is_open = squared = moved = 0.0
     for k in range(len(states)):
-        y1 = states[k, 1]
-        closed1 += y1 == 0.0  # in flight with probability 0
-        open1 += near1 - walls[1, p] < states[k, 0] < walls[0, p] - near1
-        squared1 += y1 * y1
-        moved1 += (c.beta1 * cosine[k] - sine[k]) * y1
-    if c.stages == 2:
-        for k in range(len(states)):
-            y2 = states[k, 3]
-            v = y2 - states[k, 1]
-            closed2 += y2 == 0.0
-            open2 += near2 - walls[3, p] < states[k, 2] < walls[2, p] - near2
-            squared2 += v * v
-            moved2 += (c.beta2 * cosine[k] - sine[k]) * v
-    main[CONTACT] += closed1
-    main[CONTACT + 1] += closed2
-    main[OPEN] += open1
-    main[OPEN + 1] += open2
-    main[WORK] += squared1
-    main[WORK + 1] += squared2
-    main[WORK + 2] += moved1
-    main[WORK + 3] += moved2
+        x = states[k, 2 * i]
+        y = states[k, 2 * i + 1]
+        v = y if i == 0 else y - states[k, 1]  # seen from the driver
+        closed += y == 0.0  # in flight with probability 0
+        is_open += near - walls[2 * i + 1, p] < x < walls[2 * i, p] - near
+        squared += v * v
+        moved += (beta * cosine[k] - sine[k]) * v
+    main[CONTACT + i] += closed
+    main[OPEN + i] += is_open
+    main[WORK + i] += squared
+    main[WORK + 2 + i] += moved
 
 
 @internal
@@ -257,7 +254,7 @@ def add_stretch(
             main[4 * g + ENERGY] += lost
             main[4 * g + SLOW] += slow
             if detail:
-                flight = now - max(last[0], last[1])
+                flight = rows[p, k, 1]
                 own = now - last[mesh - 1]
                 _add_value(s, p, 0, FLIGHT, flight)
                 s.products[p, 0, 1] += lost * flight
@@ -276,7 +273,9 @@ def add_stretch(
         if two:
             for column in range(4):
                 main[column] = main[4 + column] + main[8 + column]
-        _add_states(c, states[p], sine, cosine, walls, p, main)
+        _add_wheel(0, c.wall1, c.beta1, states[p], sine, cosine, walls, p, main)
+        if two:
+            _add_wheel(1, c.wall2, c.beta2, states[p], sine, cosine, walls, p, main)
 
 
 def no_scales(slow: float) -> Scales:

@@ -22,7 +22,6 @@ from rattle.montecarlo.schemes.step_size import default_step
 from rattle.montecarlo.schemes.time_scales import time_scales
 from rattle.scene import Floats, Ints, Scene
 from rattle.scene.compiled import jit
-from rattle.scene.linear_algebra import put, put_row
 
 WALK_LANES = 128
 """Paths of a block: what all paths of a step share is computed once for so many."""
@@ -40,7 +39,8 @@ stretches followed so far; stretches of the period in which a path had very many
 class Block(NamedTuple):
     """A block of paths that is followed without end."""
 
-    job: Job  # settings; its time is that at which every period begins
+    job: Job  # settings
+    tau: float  # time at which every period begins
     controls: bool  # whether the noise's work is summed
     first: int  # first, steps: number of the first path, and of steps in a period
     steps: int
@@ -57,25 +57,23 @@ class Block(NamedTuple):
 
 @jit
 def impacts_of(rows: Floats, impacts: Ints, struck: Floats) -> Floats:
-    """The impacts of a stretch one below the other.
+    """The impacts of a stretch one below the other, path by path.
 
     Returns: Mesh, time since the last impact and since the last one at this mesh, velocity at this
-    mesh. Shapes: result (impacts, 4).
+    mesh. Shapes: `rows` (paths, impacts or more, COLUMNS); `impacts` (paths,); `struck` (paths, 2);
+    result (impacts, 4).
     """
-    total = 0
-    for p in range(len(rows)):
-        total += impacts[p]
-    out = np.empty((total, 4))
+    out = np.empty((impacts.sum(), 4))
     n = 0
     for p in range(len(rows)):
         for k in range(impacts[p]):
-            mesh = int(abs(rows[p, k, 6]))
-            tau = rows[p, k, 0]
+            row = rows[p, k]
+            mesh = int(abs(row[6]))
             out[n, 0] = mesh
-            out[n, 3] = rows[p, k, 2 * mesh + 1]
-            out[n, 1] = tau - max(struck[p, 0], struck[p, 1])
-            out[n, 2] = tau - struck[p, mesh - 1]
-            struck[p, mesh - 1] = tau
+            out[n, 1] = row[1]
+            out[n, 2] = row[0] - struck[p, mesh - 1]
+            out[n, 3] = row[2 * mesh + 1]
+            struck[p, mesh - 1] = row[0]
             n += 1
     return out
 
@@ -96,60 +94,44 @@ def follow_stretches(
     count = b.counters
     samples = fixed.size - 1
     part = fixed[samples - 1]
-    apart = fixed[0]
-    between = apart * b.job.dt
+    between = fixed[0] * b.job.dt
+    paths = len(b.state)
+    impacts = b.every.impacts[0, :paths]
     for _ in range(stretches):
         if count[PERIODS] == until:
             break
-        tau = b.job.tau + count[BEGIN] * b.job.dt
+        tau = b.tau + count[BEGIN] * b.job.dt
         number = count[STRETCHES] * STRETCHES_APART + b.first
         for i in range(b.room.path.size):
             b.room.path[i] = Word(number + i)
-        walls = b.every.walls[0].copy()
+        walls = b.every.walls.copy()
         last = b.every.last.copy()
         eta = b.room.eta.copy()
         b.every.impacts[:] = 0
-        job = Job(
-            b.job.c,
-            b.job.backlash,
-            b.job.key,
-            tau,
-            b.job.dt,
-            b.job.two_point,
-            part,
-            b.job.control,
-            b.job.mixture,
-            b.job.memory,
-        )
-        RUN(job, b.every, b.room, Output(number, rows, fixed, b.samples, b.none))
-        own = b.every.impacts[0, : len(b.state)]
-        most = 0
-        for p in range(own.size):
-            most = max(most, own[p])
+        RUN(b.job, tau, part, b.every, b.room, Output(number, rows, fixed, b.samples, b.none))
+        most = impacts.max()
         if most >= rows.shape[2]:
-            put(b.every.walls[0], walls)
-            put(b.every.last, last)
-            put_row(b.room.eta, eta)
-            put(b.every.state[0, :, : own.size], b.state.T)
+            b.every.walls[:] = walls
+            b.every.last[:] = last
+            b.room.eta[:] = eta
+            b.every.state[0, :, :paths] = b.state.T
             return int(most)
         states = b.samples[0, :, :samples]
         at = tau + between
         if b.controls and len(sums.power) > 0:
             out = sums.main[:, sums.batch[0], NOISE:]
-            add_noise_work(b.job.c, rows[0], own, b.state, states, at, between, out)
-        put(b.state, states[:, samples - 1])
-        add_stretch(b.job.c, rows[0], own, b.struck, states, b.every.walls[0], at, between, sums)
+            add_noise_work(b.job.c, rows[0], impacts, b.state, states, at, between, out)
+        b.state[:] = states[:, samples - 1]
+        flanks = b.every.walls[0]
+        add_stretch(b.job.c, rows[0], impacts, b.struck, states, flanks, at, between, sums)
         count[STRETCHES] += 1
         count[BEGIN] += part
         count[LONG] += most >= MANY_IMPACTS
         if count[BEGIN] == b.steps:
             count[BEGIN] = 0
             count[PERIODS] += 1
-            for p in range(b.every.last.shape[1]):
-                b.every.last[0, p] -= PERIOD
-            for p in range(len(b.struck)):
-                for mesh in range(2):
-                    b.struck[p, mesh] -= PERIOD
+            b.every.last[:] -= PERIOD
+            b.struck[:] -= PERIOD
             if (until - count[PERIODS]) % length == 0:
                 sums.batch[0] += 1
             if count[LONG] > 0:
@@ -189,44 +171,29 @@ class Walk:
     """A block of paths, followed as long as wanted; `steps`: in a period."""
 
     def __init__(self, scene: Scene, seed: np.random.SeedSequence, first: int, paths: int) -> None:
-        self.paths, self.steps = paths, steps_per_period(scene)
-        plan = Plan(
-            scene,
-            paths,
-            0,
-            PERIOD / self.steps,
-            "exact-flight",
-            seed,
-            0,
-            np.empty(0, np.int64),
-            {},
-            1,
-        )
+        self.paths = paths
+        self.steps = steps_per_period(scene)
+        dt = PERIOD / self.steps
+        plan = Plan(scene, paths, 0, dt, "exact-flight", seed, 0, np.empty(0, np.int64), {}, 1)
         job, every, room = begin_block(plan, first, paths)
         state = every.state[0, :, :paths]
         _spread_starts(scene, state, every.walls[0, :, :paths], seed, first)
-        controls = has_controls(scene.constants)
-        struck = np.full((paths, 2), scene.phase)
-        samples = np.empty((1, paths, SAMPLES + 1, 4))
-        none = np.zeros((0, 1, COLUMNS))
-        counters = np.zeros(4, np.int64)
         self._block = Block(
-            job,
-            controls,
-            first,
-            self.steps,
-            every,
-            room,
-            state.T.copy(),
-            struck,
-            samples,
-            none,
-            counters,
+            job=job,
+            tau=scene.phase,
+            controls=has_controls(scene.constants),
+            first=first,
+            steps=self.steps,
+            every=every,
+            room=room,
+            state=state.T.copy(),
+            struck=np.full((paths, 2), scene.phase),
+            samples=np.empty((1, paths, SAMPLES + 1, 4)),
+            none=np.zeros((0, 1, COLUMNS)),
+            counters=np.zeros(4, np.int64),
         )
-        self._fixed, self._rows = (
-            self._instants(self.steps),
-            np.empty((1, paths, IMPACT_ROOM, COLUMNS)),
-        )
+        self._fixed = self._instants(self.steps)
+        self._rows = np.empty((1, paths, IMPACT_ROOM, COLUMNS))
 
     @property
     def periods(self) -> int:
@@ -254,7 +221,8 @@ class Walk:
                 rows = np.empty((1, self.paths, 2 * most, COLUMNS))
                 continue
             if seen is not None:
-                seen.append(impacts_of(rows[0], b.every.impacts[0], struck))
+                impacts = b.every.impacts[0, : self.paths]
+                seen.append(impacts_of(rows[0], impacts, struck))
             if rows.shape[2] < MANY_IMPACTS:
                 self._rows = rows  # from now on
             rows = self._rows

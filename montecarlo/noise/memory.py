@@ -53,24 +53,17 @@ def begin_memory(theta: float, key: Key, first: int, eta: Floats) -> None:
 
 
 @lean_internal
-def color_increments(m: Memory, eta: Floats, z: Floats, lanes: int) -> None:
-    """Turn a step's normals into integrals of the process, in place.  Vectorises."""
-    widest_vectors()
-    for p in range(lanes):
-        before = eta[p]
-        after = m.kept * before + m.fresh * z[p]
-        z[p] = m.whole * (before + after)
-        eta[p] = after
-
-
-@lean_internal
-def color_noise(m: Memory, eta: Floats, w: Floats, area: Floats, lanes: int) -> None:
-    """Turn the two normals of a step into integral and area of the process, in place.
+def color_noise(
+    m: Memory, eta: Floats, w: Floats, area: Floats, has_area: bool, lanes: int
+) -> None:
+    """Turn the normals of a step, one or two, into integral and area of the process, in place.
     Vectorises."""
     widest_vectors()
     for p in range(lanes):
         before = eta[p]
         after = m.kept * before + m.fresh * w[p]
-        w[p] = m.whole * (before + after) + m.rest * area[p]
-        area[p] = m.tilt * (after - before)
+        w[p] = m.whole * (before + after)
+        if has_area:
+            w[p] += m.rest * area[p]
+            area[p] = m.tilt * (after - before)
         eta[p] = after

@@ -15,10 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rattle.montecarlo.noise.philox import Word
+from rattle.montecarlo.schemes.lanes import four
 from rattle.montecarlo.schemes.short_flight import kick
+from rattle.montecarlo.schemes.step_state import State
 from rattle.montecarlo.statistics.central_sums import CentralSums
 from rattle.scene import SECTION, Bools, Constants, Floats, Ints, Scene
-from rattle.scene.compiled import lean_internal
+from rattle.scene.compiled import inline, lean_internal
 from rattle.scene.flight import field, jacobian
 from rattle.scene.impact import slowest_impact
 from rattle.scene.linear_algebra import product, transform
@@ -171,6 +173,13 @@ def linear_path(scene: Scene, impacts: int, dt: float) -> LinearPath:
     return program
 
 
+@inline
+def _row(m: Floats, v: State) -> float:
+    """Product of a row of a propagator with the perturbation of a state."""
+    total: float = m[0] * v[0] + m[1] * v[1] + m[2] * v[2] + m[3] * v[3]
+    return total
+
+
 @lean_internal
 def carry_along(
     path: LinearPath,
@@ -203,28 +212,15 @@ def carry_along(
     if done < path.at_step.size:
         carry = path.carry[n]
         noise = path.noise[n]
-        x1 = xi[0]
-        y1 = xi[1]
-        x2 = xi[2]
-        y2 = xi[3]
+        x1, y1, x2, y2 = four(xi)
         last = xi[4]
         for p in range(live):
-            a = x1[p]
-            b = y1[p]
-            c = x2[p]
-            d = y2[p]
-            e = last[p]
-            x1[p] = carry[0, 0] * a + carry[0, 1] * b + carry[0, 2] * c + carry[0, 3] * d
-            y1[p] = carry[1, 0] * a + carry[1, 1] * b + carry[1, 2] * c + carry[1, 3] * d
-            x2[p] = carry[2, 0] * a + carry[2, 1] * b + carry[2, 2] * c + carry[2, 3] * d
-            y2[p] = carry[3, 0] * a + carry[3, 1] * b + carry[3, 2] * c + carry[3, 3] * d
-            last[p] = (
-                carry[4, 0] * a
-                + carry[4, 1] * b
-                + carry[4, 2] * c
-                + carry[4, 3] * d
-                + carry[4, 4] * e
-            )
+            state = x1[p], y1[p], x2[p], y2[p]
+            x1[p] = _row(carry[0], state)
+            y1[p] = _row(carry[1], state)
+            x2[p] = _row(carry[2], state)
+            y2[p] = _row(carry[3], state)
+            last[p] = _row(carry[4], state) + carry[4, 4] * last[p]
         for i in range(5):
             for p in range(live):
                 xi[i, p] += noise[0, i] * w[p] + noise[1, i] * area[p]

@@ -9,9 +9,10 @@ has no impact.
 """
 
 import math
+from typing import Any
 
 from rattle.montecarlo.schemes.short_flight import Phase
-from rattle.montecarlo.schemes.step_state import State, Walls
+from rattle.montecarlo.schemes.step_state import State, Walls, flanks_of, of_mesh
 from rattle.scene import Constants
 from rattle.scene.compiled import inline, lean, lean_internal
 from rattle.scene.drive import (
@@ -26,6 +27,9 @@ from rattle.scene.drive import (
 MARGIN_SDS = 6.0
 # distance to the wall, in half gaps, at which an impact is accepted at any speed
 CLOSE_TO_WALL = 1e-10
+NEAR_WALL = 1e-6  # distance to the wall, in half gaps, that a fast path flies without noise
+STEADY = 30.0  # least speed of such a path, in sds of what the noise makes of it on the way
+STRAIGHT = 1e-4  # and largest relative change of that speed by excitation and drag
 # margin on the inner Bernstein coefficients that covers (s (1-s))^1.5 / sqrt(3)
 SCALE = 1.0 / (6.0 * math.sqrt(3.0))
 SHORTEST_TRIAL = 1e-12  # share at which a trial is cut
@@ -34,7 +38,7 @@ CUBIC_PIECES = 8  # of the interval in which the first zero of a cubic that turn
 
 
 @lean
-def margins(c: Constants, sine: float, cosine: float, h: float) -> tuple[float, float]:
+def margins(c: Constants, phase: Phase, h: float) -> tuple[float, float]:
     """Margins on the inner Bernstein coefficients of both stages' cubics, for noise and for the
     interpolation error.
 
@@ -44,8 +48,10 @@ def margins(c: Constants, sine: float, cosine: float, h: float) -> tuple[float, 
     """
     spread = MARGIN_SDS * abs(c.sigma) * h * math.sqrt(h) * SCALE
     most = most_modulation(c.drive, c.beta1)  # of y1
-    first = min(most, abs(c.beta1 * cosine - sine) + h * most_modulation_rate(c.drive, c.beta1))
-    driver = min(most_velocity(c.drive), abs(cosine) + h * most_acceleration(c.drive))
+    first = min(
+        most, abs(c.beta1 * phase[1] - phase[0]) + h * most_modulation_rate(c.drive, c.beta1)
+    )
+    driver = min(most_velocity(c.drive), abs(phase[1]) + h * most_acceleration(c.drive))
     # the last term: noise of y1 acting on y2
     second = abs(c.beta1 - c.beta2) * (driver + h * first)
     force = c.alpha * most + c.gamma1 + c.gamma2
@@ -137,66 +143,60 @@ def _cut_at(
 
 
 @inline
-def cut_share(
-    c: Constants,
-    phase: Phase,
-    s: State,
-    end: State,
-    h: float,
-    walls: Walls,
-    close1: float,
-    close2: float,
-) -> float:
-    """Share of a trial at which to cut it, over all walls.
+def _square_modulation(drive: Any, beta: float) -> float:
+    """Bound on the squared modulation of y1."""
+    return 1.0 + beta * beta if len(drive) == 0 else most_modulation(drive, beta) ** 2
 
-    `close1`, `close2`: Distances from the walls of both meshes within which the end counts as an
-    impact.
+
+@inline
+def noise_free_reach(c: Constants, mesh: int, speed: float, other: float, wall: float) -> float:
+    """Distance from its wall within which a path is taken to fly on without noise; `other` is the
+    other stage's speed.
+
+    The noise left out acts later by the time of that flight, after the impact instead of before:
+    below 1e-6 of a variance at `NEAR_WALL`.
     """
-    margin1, margin2 = margins(c, phase[0], phase[1], h)
-    cut = min(
-        _cut_at(
-            walls.high1 - s[0],
-            -s[1],
-            walls.high1 - end[0],
-            -end[1],
-            h,
-            margin1,
-            CLOSE_TO_WALL * c.wall1,
-            close1,
-        ),
-        _cut_at(
-            walls.low1 + s[0],
-            s[1],
-            walls.low1 + end[0],
-            end[1],
-            h,
-            margin1,
-            CLOSE_TO_WALL * c.wall1,
-            close1,
-        ),
-    )
-    if c.stages == 2:
-        cut = min(
-            cut,
-            _cut_at(
-                walls.high2 - s[2],
-                -s[3],
-                walls.high2 - end[2],
-                -end[3],
-                h,
-                margin2,
-                CLOSE_TO_WALL * c.wall2,
-                close2,
-            ),
-            _cut_at(
-                walls.low2 + s[2],
-                s[3],
-                walls.low2 + end[2],
-                end[3],
-                h,
-                margin2,
-                CLOSE_TO_WALL * c.wall2,
-                close2,
-            ),
+    most = _square_modulation(c.drive, c.beta1)
+    if mesh == 1:
+        force = c.alpha * math.sqrt(most) + c.gamma1 + c.beta1 * abs(speed)
+    else:
+        pull = abs(c.beta1 - c.beta2) * (c.alpha * most_velocity(c.drive) + abs(other))
+        force = pull + abs(c.gamma1 - c.gamma2) + c.beta2 * abs(speed)
+    noisy = (STEADY * STEADY) * c.sigma * c.sigma * most
+    bent = force / STRAIGHT
+    square = speed * speed
+    near = NEAR_WALL * wall
+    if square * abs(speed) < noisy * near or square < bent * near:
+        near = min(
+            square * abs(speed) / noisy if noisy > 0.0 else near,
+            square / bent if bent > 0.0 else near,
         )
+    return near
+
+
+@inline
+def _cut_stage(
+    c: Constants, mesh: int, s: State, end: State, h: float, margin: float, walls: Walls
+) -> float:
+    """Share of a trial at which to cut it, over both walls of a stage; an end within the reach of a
+    noise-free flight counts as an impact."""
+    x0, y0, _ = of_mesh(mesh, s)
+    x1, y1, other = of_mesh(mesh, end)
+    high, low = flanks_of(mesh, walls)
+    wall = c.wall1 if mesh == 1 else c.wall2
+    rest = CLOSE_TO_WALL * wall
+    close = noise_free_reach(c, mesh, y1, other, wall)
+    return min(
+        _cut_at(high - x0, -y0, high - x1, -y1, h, margin, rest, close),
+        _cut_at(low + x0, y0, low + x1, y1, h, margin, rest, close),
+    )
+
+
+@inline
+def cut_share(c: Constants, phase: Phase, s: State, end: State, h: float, walls: Walls) -> float:
+    """Share of a trial at which to cut it, over all walls."""
+    margin1, margin2 = margins(c, phase, h)
+    cut = _cut_stage(c, 1, s, end, h, margin1, walls)
+    if c.stages == 2:
+        cut = min(cut, _cut_stage(c, 2, s, end, h, margin2, walls))
     return cut

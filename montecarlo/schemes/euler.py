@@ -10,10 +10,10 @@ from functools import partial
 from typing import NamedTuple
 
 from rattle.montecarlo.noise.brownian import Noise
-from rattle.montecarlo.schemes.lanes import Lanes, join_increments
+from rattle.montecarlo.schemes.lanes import Lanes, four, join_increments
 from rattle.montecarlo.schemes.scheme import Scheme
 from rattle.montecarlo.schemes.short_flight import Phase, no_phase
-from rattle.montecarlo.schemes.step_state import Inside, Progress, Walls
+from rattle.montecarlo.schemes.step_state import Inside, Progress, Walls, put_on_wall
 from rattle.montecarlo.schemes.sticking import stay, stays_open
 from rattle.montecarlo.schemes.time_scales import (
     MEMORY_REASON,
@@ -85,14 +85,8 @@ def plain_lanes(
     (lanes or more,).
     """
     widest_vectors()
-    x1 = state[0]
-    y1 = state[1]
-    x2 = state[2]
-    y2 = state[3]
-    high1 = walls[0]
-    low1 = walls[1]
-    high2 = walls[2]
-    low2 = walls[3]
+    x1, y1, x2, y2 = four(state)
+    high1, low1, high2, low2 = four(walls)
     if c.stages == 1:
         for p in range(beyond.size):
             x1[p], y1[p], _, _ = euler_step(c, f, h, x1[p], y1[p], 0.0, 0.0, z[p])
@@ -125,13 +119,13 @@ def advance(
 
     Mesh 1 before mesh 2.  Branch-free.
     """
-    first = int((at.x1 > walls.high1) & (at.y1 > 0.0)) - int((at.x1 < -walls.low1) & (at.y1 < 0.0))
-    second = int((at.x2 > walls.high2) & (at.y2 > 0.0)) - int((at.x2 < -walls.low2) & (at.y2 < 0.0))
+    x1, y1, x2, y2 = at.state
+    first = int((x1 > walls.high1) & (y1 > 0.0)) - int((x1 < -walls.low1) & (y1 < 0.0))
+    second = int((x2 > walls.high2) & (y2 > 0.0)) - int((x2 < -walls.low2) & (y2 < 0.0))
     code = first if first != 0 else (2 * second if inside.c.stages == 2 else 0)
-    x1 = walls.high1 if code == 1 else (-walls.low1 if code == -1 else at.x1)
-    x2 = walls.high2 if code == 2 else (-walls.low2 if code == -2 else at.x2)
+    x1, x2 = put_on_wall(x1, x2, code, walls)
     left = at.left if code != 0 else 0.0  # another impact may be due after this one
-    return Progress(code, at.tau, left, Noise(0.0, 0.0), x1, at.y1, x2, at.y2), phase
+    return Progress(code, at.tau, left, Noise(0.0, 0.0), (x1, y1, x2, y2)), phase
 
 
 def longest_euler_step(scene: Scene) -> Limit:

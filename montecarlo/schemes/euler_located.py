@@ -16,13 +16,21 @@ from rattle.montecarlo.schemes.euler import (
     step_forcing,
     trusted_euler_step,
 )
-from rattle.montecarlo.schemes.lanes import Lanes, join_halves
+from rattle.montecarlo.schemes.lanes import Lanes, four, join_halves
 from rattle.montecarlo.schemes.scheme import Scheme
 from rattle.montecarlo.schemes.short_flight import Phase, no_phase
-from rattle.montecarlo.schemes.step_state import SPLITS, TOGETHER, Inside, Progress, Walls
+from rattle.montecarlo.schemes.step_state import (
+    SPLITS,
+    TOGETHER,
+    Inside,
+    Progress,
+    State,
+    Walls,
+    put_on_wall,
+)
 from rattle.montecarlo.schemes.sticking import stays_open, stick_to_end
 from rattle.scene import Bools, Constants
-from rattle.scene.compiled import inline, lean, lean_internal, splice
+from rattle.scene.compiled import inline, lean, lean_internal
 
 
 @inline
@@ -40,14 +48,8 @@ def step_lanes(
     Vectorises."""
     f = step_forcing(c, tau, h)
     state = lanes.state
-    x1 = state[0]
-    y1 = state[1]
-    x2 = state[2]
-    y2 = state[3]
-    high1 = lanes.walls[0]
-    low1 = lanes.walls[1]
-    high2 = lanes.walls[2]
-    low2 = lanes.walls[3]
+    x1, y1, x2, y2 = four(state)
+    high1, low1, high2, low2 = four(lanes.walls)
     z = lanes.w
     for i in range(2 * c.stages):
         for p in range(live):
@@ -62,13 +64,12 @@ def step_lanes(
 
 
 @lean_internal
-def _part_of_step(
-    c: Constants, tau: float, s: float, increment: float, x1: float, y1: float, x2: float, y2: float
-) -> tuple[float, float, float, float]:
+def _part_of_step(c: Constants, tau: float, s: float, increment: float, state: State) -> State:
     """State after an Euler step of length s with a given Brownian increment; as it is for s <=
     0."""
     if s <= 0.0:
-        return x1, y1, x2, y2
+        return state
+    x1, y1, x2, y2 = state
     return euler_step(c, step_forcing(c, tau, s), s, x1, y1, x2, y2, increment / math.sqrt(s))
 
 
@@ -84,47 +85,38 @@ def _reach(x: float, y: float, high: float, low: float) -> float:
 
 
 @inline
-def advance_inside(c: Constants, at: Progress, normal: float, walls: Walls) -> Progress:
+def advance(
+    inside: Inside, met: int, at: Progress, phase: Phase, walls: Walls
+) -> tuple[Progress, Phase]:
     """Go to the next wall that the path meets in this step, or to the end of the step.
 
-    `normal`: A fresh standard normal for every call: it splits the increment at the wall (Brownian
-    bridge); 0 for noise with a memory, whose integral is nearly straight.
+    A fresh normal splits the increment at the wall (Brownian bridge); there is none for noise with
+    a memory, whose integral is nearly straight.
     """
-    x1 = at.x1
-    y1 = at.y1
-    x2 = at.x2
-    y2 = at.y2
+    c = inside.c
+    normal = 0.0
+    if c.memory == 0.0:
+        index = Word(inside.step) * SPLITS + Word(met)
+        normal = normals(inside.key, inside.path, index, Word(BRIDGE + inside.level))[0]
+    x1, y1, x2, y2 = at.state
     whole = at.noise.increment
     s1 = _reach(x1, y1, walls.high1, walls.low1)
     s2 = _reach(x2, y2, walls.high2, walls.low2) if c.stages == 2 else math.inf
     first = s1 <= s2 + TOGETHER
     s = s1 if first else s2
     if s >= at.left:
-        x1, y1, x2, y2 = _part_of_step(c, at.tau, at.left, whole, x1, y1, x2, y2)
-        return Progress(0, at.tau + at.left, 0.0, Noise(0.0, 0.0), x1, y1, x2, y2)
+        state = _part_of_step(c, at.tau, at.left, whole, at.state)
+        return Progress(0, at.tau + at.left, 0.0, Noise(0.0, 0.0), state), phase
     # the increment up to s, given the whole of it: a Brownian bridge
     part = whole * s / at.left + math.sqrt(s * (at.left - s) / at.left) * normal
     side = 1 if (y1 if first else y2) > 0.0 else -1
-    x1, y1, x2, y2 = _part_of_step(c, at.tau, s, part, x1, y1, x2, y2)
-    if first:
-        x1 = walls.high1 if side > 0 else -walls.low1
-        code = side if side * y1 > 0.0 else 0  # 0: the noise has reversed the velocity at the wall
-    else:
-        x2 = walls.high2 if side > 0 else -walls.low2
-        code = 2 * side if side * y2 > 0.0 else 0
-    return Progress(code, at.tau + s, at.left - s, Noise(whole - part, 0.0), x1, y1, x2, y2)
-
-
-@splice
-def advance(
-    inside: Inside, met: int, at: Progress, phase: Phase, walls: Walls
-) -> tuple[Progress, Phase]:
-    """Go to the next wall that the path meets in this step, or to the end of the step."""
-    normal = 0.0
-    if inside.c.memory == 0.0:
-        index = Word(inside.step) * SPLITS + Word(met)
-        normal = normals(inside.key, inside.path, index, Word(BRIDGE + inside.level))[0]
-    return advance_inside(inside.c, at, normal, walls), phase
+    x1, y1, x2, y2 = _part_of_step(c, at.tau, s, part, at.state)
+    code = side if first else 2 * side
+    x1, x2 = put_on_wall(x1, x2, code, walls)
+    if side * (y1 if first else y2) <= 0.0:
+        code = 0  # the noise has reversed the velocity at the wall
+    noise = Noise(whole - part, 0.0)
+    return Progress(code, at.tau + s, at.left - s, noise, (x1, y1, x2, y2)), phase
 
 
 LOCATED = Scheme(

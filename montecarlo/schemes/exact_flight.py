@@ -11,12 +11,19 @@ wall, its noise is split there, its first part is flown as a trial, and so on
 """
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from rattle.montecarlo.noise.brownian import Noise, join, split
-from rattle.montecarlo.noise.philox import BRIDGE, Key, Word, normals
-from rattle.montecarlo.schemes.crossing import CLOSE_TO_WALL, cut_share, margins, near_wall
-from rattle.montecarlo.schemes.lanes import Lanes, join_halves
+from rattle.montecarlo.noise.philox import BRIDGE, Word, normals
+from rattle.montecarlo.schemes.crossing import (
+    CLOSE_TO_WALL,
+    NEAR_WALL,
+    cut_share,
+    margins,
+    near_wall,
+    noise_free_reach,
+)
+from rattle.montecarlo.schemes.lanes import Lanes, four, join_halves
 from rattle.montecarlo.schemes.scheme import Scheme
 from rattle.montecarlo.schemes.short_flight import (
     Phase,
@@ -34,6 +41,10 @@ from rattle.montecarlo.schemes.step_state import (
     Progress,
     State,
     Walls,
+    clip,
+    flanks_of,
+    of_mesh,
+    put_on_wall,
 )
 from rattle.montecarlo.schemes.sticking import stick_to_end, sticking_sides
 from rattle.montecarlo.schemes.time_scales import (
@@ -46,11 +57,8 @@ from rattle.montecarlo.schemes.time_scales import (
 from rattle.scene import Bools, Constants, Floats, Scene
 from rattle.scene.compiled import inline, lean, lean_internal, splice
 from rattle.scene.damping import pair
-from rattle.scene.drive import highest_order, most_modulation, most_velocity
+from rattle.scene.drive import highest_order
 
-NEAR_WALL = 1e-6  # distance to the wall, in half gaps, that a fast path flies without noise
-STEADY = 30.0  # least speed of such a path, in sds of what the noise makes of it on the way
-STRAIGHT = 1e-4  # and largest relative change of that speed by excitation and drag
 MOST_CUTS = 1000  # per step; then the path is clipped to its walls
 # shortest trial, relative to the time: two units in its last place, so that time goes on
 TICK = 5e-16
@@ -78,7 +86,7 @@ def flight_forcing(c: Constants, tau: float, h: float) -> FlightForcing:
     """Everything in a step that is the same for all paths."""
     p = pair(c.beta1, c.beta2, h)
     phase = phase_at(c.drive, tau)
-    margin1, margin2 = margins(c, phase[0], phase[1], h)
+    margin1, margin2 = margins(c, phase, h)
     drift, _ = short_flight(c, phase, h, (0.0, 0.0, 0.0, 0.0), 0.0, 0.0)
     along = kick(c, tau, h, math.sqrt(h), 0.0)
     across = kick(c, tau, h, 0.0, math.sqrt(h / 12.0))
@@ -120,23 +128,11 @@ def step_lanes(
     The flanks of the lanes are read only if they are toleranced.
     """
     f = flight_forcing(c, tau, h)
-    walls = lanes.walls
-    state = lanes.state
-    before = lanes.before
     z = lanes.w
     area = lanes.area
-    x1 = state[0]
-    y1 = state[1]
-    x2 = state[2]
-    y2 = state[3]
-    x1_before = before[0]
-    y1_before = before[1]
-    x2_before = before[2]
-    y2_before = before[3]
-    high1 = walls[0]
-    low1 = walls[1]
-    high2 = walls[2]
-    low2 = walls[3]
+    x1, y1, x2, y2 = four(lanes.state)
+    x1_before, y1_before, x2_before, y2_before = four(lanes.before)
+    high1, low1, high2, low2 = four(lanes.walls)
     third = h / 3.0
     for p in range(live):
         x = x1[p]
@@ -161,38 +157,6 @@ def step_lanes(
         near[p] = meets
 
 
-@inline
-def _square_modulation(drive: Any, beta: float) -> float:
-    """Bound on the squared modulation of y1."""
-    return 1.0 + beta * beta if len(drive) == 0 else most_modulation(drive, beta) ** 2
-
-
-@inline
-def _close(c: Constants, mesh: int, speed: float, other: float, wall: float) -> float:
-    """Distance from its wall within which a path is taken to fly on without noise; `other` is the
-    other stage's speed.
-
-    The noise left out acts later by the time of that flight, after the impact instead of before:
-    below 1e-6 of a variance at `NEAR_WALL`.
-    """
-    most = _square_modulation(c.drive, c.beta1)
-    if mesh == 1:
-        force = c.alpha * math.sqrt(most) + c.gamma1 + c.beta1 * abs(speed)
-    else:
-        pull = abs(c.beta1 - c.beta2) * (c.alpha * most_velocity(c.drive) + abs(other))
-        force = pull + abs(c.gamma1 - c.gamma2) + c.beta2 * abs(speed)
-    noisy = (STEADY * STEADY) * c.sigma * c.sigma * most
-    bent = force / STRAIGHT
-    square = speed * speed
-    near = NEAR_WALL * wall
-    if square * abs(speed) < noisy * near or square < bent * near:
-        near = min(
-            square * abs(speed) / noisy if noisy > 0.0 else near,
-            square / bent if bent > 0.0 else near,
-        )
-    return near
-
-
 @splice
 def _due(c: Constants, s: State, walls: Walls) -> tuple[int, float, float]:
     """The impact that is due: ``mesh * side``, or 0; the time to its wall; and that to the next
@@ -206,8 +170,8 @@ def _due(c: Constants, s: State, walls: Walls) -> tuple[int, float, float]:
     lead = math.inf
     reach = math.inf
     for mesh in range(1, c.stages + 1):
-        x, y, other = (s[0], s[1], s[3]) if mesh == 1 else (s[2], s[3], s[1])
-        high, low = (walls.high1, walls.low1) if mesh == 1 else (walls.high2, walls.low2)
+        x, y, other = of_mesh(mesh, s)
+        high, low = flanks_of(mesh, walls)
         wall = c.wall1 if mesh == 1 else c.wall2
         gap = high - x if y > 0.0 else low + x
         if y == 0.0:
@@ -215,7 +179,7 @@ def _due(c: Constants, s: State, walls: Walls) -> tuple[int, float, float]:
         if gap > NEAR_WALL * wall:
             reach = min(reach, gap / abs(y))
             continue
-        swift = abs(gap) <= _close(c, mesh, y, other, wall)
+        swift = abs(gap) <= noise_free_reach(c, mesh, y, other, wall)
         if swift or gap <= CLOSE_TO_WALL * wall:
             own = gap / abs(y) if swift else 0.0
             if own < lead - TOGETHER:
@@ -236,26 +200,28 @@ def _struck(
     cosine = phase[1]
     third = third_of(c.drive, phase)
     apart = c.beta1 - c.beta2
-    rate1 = c.gamma1 - c.beta1 * at.y1 + c.alpha * (c.beta1 * cosine - sine)
-    rate2 = (c.gamma1 - c.gamma2) - c.beta2 * at.y2 + apart * (c.alpha * cosine - at.y1)
-    speed, rate = (at.y1, rate1) if abs(code) == 1 else (at.y2, rate2)
+    x1, y1, x2, y2 = at.state
+    rate1 = c.gamma1 - c.beta1 * y1 + c.alpha * (c.beta1 * cosine - sine)
+    rate2 = (c.gamma1 - c.gamma2) - c.beta2 * y2 + apart * (c.alpha * cosine - y1)
+    speed, rate = (y1, rate1) if abs(code) == 1 else (y2, rate2)
     lead = min(lead - 0.5 * lead * lead * rate / speed, at.left)
     half = 0.5 * lead
     bend1 = c.beta1 * rate1 + c.alpha * (c.beta1 * sine + third)
     bend2 = c.beta2 * rate2 + apart * (c.alpha * sine + rate1)
-    x1 = at.x1 + lead * (at.y1 + half * rate1)
-    y1 = at.y1 + lead * (rate1 - half * bend1)
-    x2 = at.x2
-    y2 = at.y2
+    x1 = x1 + lead * (y1 + half * rate1)
+    y1 = y1 + lead * (rate1 - half * bend1)
     if c.stages == 2:
         x2 = x2 + lead * (y2 + half * rate2)
         y2 = y2 + lead * (rate2 - half * bend2)
     phase = shift_phase(c.drive, phase, lead)
-    if abs(code) == 1:
-        x1 = walls.high1 if code > 0 else -walls.low1
-    else:
-        x2 = walls.high2 if code > 0 else -walls.low2
-    return Progress(code, at.tau + lead, at.left - lead, at.noise, x1, y1, x2, y2), phase
+    x1, x2 = put_on_wall(x1, x2, code, walls)
+    return Progress(code, at.tau + lead, at.left - lead, at.noise, (x1, y1, x2, y2)), phase
+
+
+@inline
+def _part(ahead: Floats, top: int) -> tuple[float, Noise]:
+    """Length and noise of a part of the step on the stack."""
+    return ahead[top, 0], Noise(ahead[top, 1], ahead[top, 2])
 
 
 @inline
@@ -264,25 +230,23 @@ def _join(ahead: Floats, top: int) -> Noise:
     noise = Noise(0.0, 0.0)
     length = 0.0
     for i in range(top):  # from the end of the step backwards
-        whole = length + ahead[i, 0]
-        noise = join(Noise(ahead[i, 1], ahead[i, 2]), noise, ahead[i, 0] / whole)
-        length = whole
+        h, part = _part(ahead, i)
+        length = length + h
+        noise = join(part, noise, h / length)
     return noise
 
 
 @inline
+def _put(ahead: Floats, top: int, length: float, noise: Noise) -> None:
+    """Put a part of the step, still ahead, onto the stack."""
+    ahead[top, 0] = length
+    ahead[top, 1] = noise.increment
+    ahead[top, 2] = noise.area
+
+
+@inline
 def advance_exactly(
-    c: Constants,
-    key: Key,
-    path: Word,
-    index: Word,
-    purpose: Word,
-    at: Progress,
-    phase: Phase,
-    whole: State,
-    known: bool,
-    walls: Walls,
-    ahead: Floats,
+    inside: Inside, met: int, at: Progress, phase: Phase, walls: Walls
 ) -> tuple[Progress, Phase]:
     """Go to the next wall that the path meets in this step, or to the end of the step.
 
@@ -292,108 +256,66 @@ def advance_exactly(
     anew would give the path a second chance to miss the wall.  At an impact they may be joined,
     since it is a stopping time of the path.
 
-    `path`, `index`, `purpose`: Of the random numbers that split the noise; cuts 2 i and 2 i + 1
-    share the four normals of index + i. `ahead`: Scratch, a stack: length, increment and area of
-    the parts of the step still ahead, the nearest on top. Shapes: `ahead` (PARTS, 3).
+    On the stack, ``inside.ahead``, are length, increment and area of the parts of the step still
+    ahead, the nearest on top.  Cuts 2 i and 2 i + 1 share the four normals of an index.
     """
+    c = inside.c
+    ahead = inside.ahead
+    index = Word(inside.step) * SPLITS + CUTS_APART * Word(met)
     tau = at.tau
     left = at.left
-    s = (at.x1, at.y1, at.x2, at.y2)
+    s = at.state
     code, lead, _ = _due(c, s, walls)
     if code != 0 and lead < left:
         return _struck(c, at, phase, code, max(lead, 0.0), walls)
-    cuts = 0
-    top = 0
-    z3 = 0.0
-    z4 = 0.0
-    ahead[0, 0] = left
-    ahead[0, 1] = at.noise.increment
-    ahead[0, 2] = at.noise.area
+    end = inside.whole  # known as long as there was no impact in this step
+    turned = phase
+    flown = met != 0
+    cuts = top = 0
+    z3 = z4 = 0.0
+    _put(ahead, 0, left, at.noise)
     while True:
-        h = ahead[top, 0]
-        noise = Noise(ahead[top, 1], ahead[top, 2])
-        end = whole
-        turned = phase
-        flown = not known
+        h, noise = _part(ahead, top)
         if flown:
             end, turned = short_flight(c, phase, h, s, noise.increment, noise.area)
-        known = False
-        close1 = _close(c, 1, end[1], end[3], c.wall1)
-        close2 = _close(c, 2, end[3], end[1], c.wall2)
-        cut = cut_share(c, phase, s, end, h, walls, close1, close2)
+        cut = cut_share(c, phase, s, end, h, walls)
         tick = TICK * (1.0 + abs(tau))
         used_up = cuts >= MOST_CUTS or top + 1 >= len(ahead) or h <= tick
         if cut == 1.0 or used_up:
-            if used_up:  # clip the path to its walls
-                x1 = min(max(end[0], -walls.low1), walls.high1)
-                x2 = min(max(end[2], -walls.low2), walls.high2)
-                end = x1, end[1], x2, end[3]
+            if used_up:
+                end = clip(end, walls)
             tau = tau + h
             left = left - h if top > 0 else 0.0
             code, lead, reach = _due(c, end, walls)
             if code != 0 and lead <= left:
-                at = Progress(code, tau, left, _join(ahead, top), end[0], end[1], end[2], end[3])
-                return _struck(
-                    c,
-                    at,
-                    turned if flown else phase_at(c.drive, tau),
-                    code,
-                    max(lead, -0.5 * h),
-                    walls,
-                )
+                at = Progress(code, tau, left, _join(ahead, top), end)
+                phase = turned if flown else phase_at(c.drive, tau)
+                return _struck(c, at, phase, code, max(lead, -0.5 * h), walls)
             if top == 0:
-                return (
-                    Progress(0, tau, 0.0, Noise(0.0, 0.0), end[0], end[1], end[2], end[3]),
-                    turned,
-                )
+                return Progress(0, tau, 0.0, Noise(0.0, 0.0), end), turned
             s = end
             phase = turned
             top -= 1
-            h = ahead[top, 0]
-            noise = Noise(ahead[top, 1], ahead[top, 2])
+            h, noise = _part(ahead, top)
             if reach >= h or h <= tick:
                 continue
             cut = reach / h
+        flown = True
         if c.memory > 0.0:
             # the integral of noise with a memory is a parabola within the step
-            z1 = 0.0
-            z2 = 0.0
+            z1 = z2 = 0.0
         elif cuts & 1 == 0:
-            z1, z2, z3, z4 = normals(key, path, index + Word(cuts >> 1), purpose)
+            purpose = Word(BRIDGE + inside.level)
+            z1, z2, z3, z4 = normals(inside.key, inside.path, index + Word(cuts >> 1), purpose)
         else:
             z1 = z3
             z2 = z4
         cuts += 1
         cut = max(cut, tick / h)
         first, second = split(noise, h, cut, z1, z2)
-        ahead[top, 0] = h - cut * h
-        ahead[top, 1] = second.increment
-        ahead[top, 2] = second.area
+        _put(ahead, top, h - cut * h, second)
         top += 1
-        ahead[top, 0] = cut * h
-        ahead[top, 1] = first.increment
-        ahead[top, 2] = first.area
-
-
-@splice
-def advance(
-    inside: Inside, met: int, at: Progress, phase: Phase, walls: Walls
-) -> tuple[Progress, Phase]:
-    """Go to the next wall that the path meets in this step, or to the end of the step."""
-    index = Word(inside.step) * SPLITS + CUTS_APART * Word(met)
-    return advance_exactly(
-        inside.c,
-        inside.key,
-        inside.path,
-        index,
-        Word(BRIDGE + inside.level),
-        at,
-        phase,
-        inside.whole,
-        met == 0,
-        walls,
-        inside.ahead,
-    )
+        _put(ahead, top, cut * h, first)
 
 
 def accurate_flight(scene: Scene) -> Limit:
@@ -433,7 +355,7 @@ EXACT = Scheme(
     step_lanes=step_lanes,
     join_noise=join_halves,
     phase_at=phase_at,
-    advance=advance,
+    advance=advance_exactly,
     find_sticking=sticking_sides,
     stick_to_end=stick_to_end,
 )

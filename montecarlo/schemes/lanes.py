@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from rattle.montecarlo.noise.philox import Word
 from rattle.montecarlo.schemes.step_state import MOST_PARTS
 from rattle.scene import Bools, Floats, Ints
-from rattle.scene.compiled import lean_internal, splice, widest_vectors
+from rattle.scene.compiled import inline, lean_internal, splice, widest_vectors
 
 # finest steps between retirements of finished paths; a multiple of 4 (steps of a draw, coarsest
 # step)
@@ -71,19 +71,33 @@ def lanes_of(
     wall = np.ones((levels, 4, lanes))
     state[:, :, :paths] = start
     wall[:, :, :paths] = walls
-    w, area = np.zeros((2, levels, lanes))
-    impacts = np.zeros((levels, lanes), np.int64)
-    every = Lanes(state, state.copy(), wall, w, area, np.full((levels, lanes), tau), impacts)
-    path = np.arange(first, first + lanes, dtype=np.uint64)
-    bits = np.zeros(lanes, np.uint64)
-    eta = np.zeros(lanes)
-    z = np.zeros((5, lanes))
-    own = np.zeros((carried, lanes))
-    marks = np.zeros(lanes, np.bool_)
-    groups = np.empty(lanes // 8 + 1, np.int64)
-    hits = np.empty(lanes + 1, np.int64)
-    ahead = np.empty((MOST_PARTS, 3))
-    return every, Room(path, bits, eta, z, own, marks, groups, hits, ahead)
+    every = Lanes(
+        state=state,
+        before=state.copy(),
+        walls=wall,
+        w=np.zeros((levels, lanes)),
+        area=np.zeros((levels, lanes)),
+        last=np.full((levels, lanes), tau),
+        impacts=np.zeros((levels, lanes), np.int64),
+    )
+    room = Room(
+        path=np.arange(first, first + lanes, dtype=np.uint64),
+        bits=np.zeros(lanes, np.uint64),
+        eta=np.zeros(lanes),
+        z=np.zeros((5, lanes)),
+        carried=np.zeros((carried, lanes)),
+        marks=np.zeros(lanes, np.bool_),
+        groups=np.empty(lanes // 8 + 1, np.int64),
+        hits=np.empty(lanes + 1, np.int64),
+        ahead=np.empty((MOST_PARTS, 3)),
+    )
+    return every, room
+
+
+@inline
+def four(rows: Floats) -> tuple[Floats, Floats, Floats, Floats]:
+    """The four rows of a block of states or flanks, as vectors."""
+    return rows[0], rows[1], rows[2], rows[3]
 
 
 @splice

@@ -85,6 +85,9 @@ def _fly(
     Taylor coefficients of ``f'``: its derivative k - 1, and the two after it.
     """
     sine = cosine = first = second = third = 0.0
+    moved1 = moved2 = m1_before = m2_before = 0.0
+    first_end = second_end = third_end = 0.0
+    size = power = 1.0
     if len(drive) == 0:
         sine, cosine = phase
     else:
@@ -99,17 +102,8 @@ def _fly(
     y2 = s[3]
     y1_end = y1
     y2_end = y2
-    moved1 = 0.0
-    moved2 = 0.0
     sine_end = sine
     cosine_end = cosine
-    first_end = 0.0
-    second_end = 0.0
-    third_end = 0.0
-    m1_before = 0.0
-    m2_before = 0.0
-    size = 1.0
-    power = 1.0
     for k in range(1, MOST_TERMS):  # from the terms in u^(k - 1) to those in u^k
         share = 1.0 / k
         hk = h * share
@@ -136,8 +130,7 @@ def _fly(
         y1_end += y1
         m1_before = m1
         m2_before = m2
-        drag1 = 0.0
-        drag2 = 0.0
+        drag1 = drag2 = 0.0
         size *= fastest * share
         if size < NEGLIGIBLE:
             break
@@ -152,16 +145,16 @@ def _fly(
     return end, (-second_end, first_end, -third_end, phase[3] + h)
 
 
-@lean
-def kick(c: Constants, tau: float, h: float, increment: float, area: float) -> State:
-    """Displacement at the end of a time h by given noise alone (Eq. 5)."""
-    quiet = Constants(
-        0.0,
+@inline
+def under(c: Constants, alpha: float, gamma1: float, gamma2: float) -> Constants:
+    """The scene under another excitation and other drags."""
+    return Constants(
+        alpha,
         c.epsilon,
         c.beta1,
         c.beta2,
-        0.0,
-        0.0,
+        gamma1,
+        gamma2,
         c.mu,
         c.wall1,
         c.wall2,
@@ -170,4 +163,10 @@ def kick(c: Constants, tau: float, h: float, increment: float, area: float) -> S
         c.drive,
         c.memory,
     )
+
+
+@lean
+def kick(c: Constants, tau: float, h: float, increment: float, area: float) -> State:
+    """Displacement at the end of a time h by given noise alone (Eq. 5)."""
+    quiet = under(c, 0.0, 0.0, 0.0)
     return short_flight(quiet, phase_at(c.drive, tau), h, (0.0, 0.0, 0.0, 0.0), increment, area)[0]

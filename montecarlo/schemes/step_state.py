@@ -5,6 +5,7 @@ from typing import NamedTuple
 from rattle.montecarlo.noise.brownian import Noise
 from rattle.montecarlo.noise.philox import Key, Word
 from rattle.scene import Constants, Floats
+from rattle.scene.compiled import inline
 
 MOST_IN_A_STEP = 64
 """Most impacts of a path in a step; then the struck mesh stays closed to the end of the step, which
@@ -42,10 +43,7 @@ class Progress(NamedTuple):
     tau: float  # time
     left: float  # time to the end of the step
     noise: Noise  # of the time left
-    x1: float  # x1, y1, x2, y2: state
-    y1: float
-    x2: float
-    y2: float
+    state: State
 
 
 class Inside(NamedTuple):
@@ -59,3 +57,31 @@ class Inside(NamedTuple):
     whole: State  # at the end of the whole step, if no wall is met
     # scratch of `rattle.montecarlo.schemes.exact_flight.advance_exactly`; (MOST_PARTS, 3)
     ahead: Floats
+
+
+@inline
+def of_mesh(mesh: int, s: State) -> tuple[float, float, float]:
+    """Displacement and velocity of the stage at a mesh, and the other stage's velocity."""
+    return (s[0], s[1], s[3]) if mesh == 1 else (s[2], s[3], s[1])
+
+
+@inline
+def flanks_of(mesh: int, walls: Walls) -> tuple[float, float]:
+    """Distances of the flanks of a mesh from the middle of their gap."""
+    return (walls.high1, walls.low1) if mesh == 1 else (walls.high2, walls.low2)
+
+
+@inline
+def clip(s: State, walls: Walls) -> State:
+    """A state with its displacements clipped to the walls."""
+    x1 = min(max(s[0], -walls.low1), walls.high1)
+    x2 = min(max(s[2], -walls.low2), walls.high2)
+    return x1, s[1], x2, s[3]
+
+
+@inline
+def put_on_wall(x1: float, x2: float, code: int, walls: Walls) -> tuple[float, float]:
+    """Displacements of both stages, with the stage that strikes ``mesh * side`` on that wall."""
+    x1 = walls.high1 if code == 1 else (-walls.low1 if code == -1 else x1)
+    x2 = walls.high2 if code == 2 else (-walls.low2 if code == -2 else x2)
+    return x1, x2

@@ -10,8 +10,8 @@ import math
 
 from rattle.montecarlo.noise.brownian import Noise
 from rattle.montecarlo.schemes.crossing import MARGIN_SDS
-from rattle.montecarlo.schemes.short_flight import kick
-from rattle.montecarlo.schemes.step_state import Progress, Walls
+from rattle.montecarlo.schemes.short_flight import kick, under
+from rattle.montecarlo.schemes.step_state import Progress, Walls, put_on_wall
 from rattle.scene import Constants
 from rattle.scene.compiled import inline, lean_internal
 from rattle.scene.sticking import Sides, find_sticking, open_stage, presses, stick_on, stuck_on
@@ -46,47 +46,25 @@ def sticking_sides(c: Constants, at: Progress, walls: Walls) -> Sides:
     """
     spread = c.sigma
     if c.memory > 0.0:
-        c = _pushed(c, c.alpha + c.sigma * at.noise.increment / at.left)
+        alpha = c.alpha + c.sigma * at.noise.increment / at.left
+        c = under(c, alpha, c.gamma1, c.gamma2)
         spread = 0.0
-    flank1 = int(at.x1 == walls.high1) - int(at.x1 == -walls.low1)
-    flank2 = int(at.x2 == walls.high2) - int(at.x2 == -walls.low2) if c.stages == 2 else 0
-    if flank1 * at.y1 > 0.0 or flank2 * at.y2 > 0.0:
+    x1, y1, x2, y2 = at.state
+    flank1 = int(x1 == walls.high1) - int(x1 == -walls.low1)
+    flank2 = int(x2 == walls.high2) - int(x2 == -walls.low2) if c.stages == 2 else 0
+    if flank1 * y1 > 0.0 or flank2 * y2 > 0.0:
         return 0, 0  # an impact comes first
-    touching = flank1 if at.y1 == 0.0 else 0, flank2 if at.y2 == 0.0 else 0
+    touching = flank1 if y1 == 0.0 else 0, flank2 if y2 == 0.0 else 0
     if touching[0] == 0 and touching[1] == 0:
         return touching
-    sides = find_sticking(c, at.tau, at.y1, at.y2, touching)
-    press1, press2 = presses(c, at.tau, at.y1, at.y2, sides)
+    sides = find_sticking(c, at.tau, y1, y2, touching)
+    press1, press2 = presses(c, at.tau, y1, y2, sides)
     lift = MARGIN_SDS * spread / math.sqrt(at.left)
     by_driver = lift * math.sqrt(1.0 + max(c.beta1, c.beta2) ** 2)
     lift2 = by_driver if sides[0] != 0 else lift * abs(c.beta1 - c.beta2)
     if (sides[0] != 0 and press1 <= by_driver) or (sides[1] != 0 and press2 <= lift2):
         return 0, 0
     return sides
-
-
-@lean_internal
-def _pushed(c: Constants, alpha: float) -> Constants:
-    """The scene under another drive."""
-    b1 = c.beta1
-    b2 = c.beta2
-    g1 = c.gamma1
-    g2 = c.gamma2
-    return Constants(
-        alpha,
-        c.epsilon,
-        b1,
-        b2,
-        g1,
-        g2,
-        c.mu,
-        c.wall1,
-        c.wall2,
-        c.sigma,
-        c.stages,
-        c.drive,
-        c.memory,
-    )
 
 
 @lean_internal
@@ -110,17 +88,16 @@ def stop_at_wall(
 def stick_to_end(c: Constants, at: Progress, sides: Sides, walls: Walls) -> Progress:
     """The path at the end of its step, with some meshes closed until then."""
     first, second = sides
-    x1 = at.x1
-    y1 = at.y1
-    x2 = at.x2
-    y2 = at.y2
+    x1, y1, x2, y2 = at.state
+    wall1, _ = put_on_wall(x1, x2, first, walls)
+    _, wall2 = put_on_wall(x1, x2, 2 * second, walls)
     if first != 0:
-        x1, y1, x2, y2 = stuck_on(c, x1, y1, x2, y2, 1, walls.high1 if first > 0 else -walls.low1)
+        x1, y1, x2, y2 = stuck_on(c, x1, y1, x2, y2, 1, wall1)
     if second != 0 and first != 0:
-        x2 = walls.high2 if second > 0 else -walls.low2
+        x2 = wall2
         y2 = 0.0
     elif second != 0:
-        x1, y1, x2, y2 = stuck_on(c, x1, y1, x2, y2, 2, walls.high2 if second > 0 else -walls.low2)
+        x1, y1, x2, y2 = stuck_on(c, x1, y1, x2, y2, 2, wall2)
     before1 = y1
     before2 = y2
     x1, y1, x2, y2 = stick_on(c, at.tau, x1, y1, x2, y2, sides, at.left)
@@ -136,4 +113,4 @@ def stick_to_end(c: Constants, at: Progress, sides: Sides, walls: Walls) -> Prog
             y1 = y1 + pushed
     x1, y1 = stop_at_wall(x1, y1, before1, at.left, walls.high1, walls.low1)
     x2, y2 = stop_at_wall(x2, y2, before2, at.left, walls.high2, walls.low2)
-    return Progress(0, at.tau + at.left, 0.0, Noise(0.0, 0.0), x1, y1, x2, y2)
+    return Progress(0, at.tau + at.left, 0.0, Noise(0.0, 0.0), (x1, y1, x2, y2))

@@ -11,9 +11,10 @@ from math import comb
 import numpy as np
 
 from rattle.scene import Floats, Ints
-from rattle.scene.compiled import lean, lean_internal, widest_vectors
+from rattle.scene.compiled import inline, lean, lean_internal, widest_vectors
 
 Orders = tuple[tuple[int, int], ...]
+Strands = tuple[Floats, ...]
 
 SINGLE: Orders = tuple((p, 0) for p in range(2, 9))
 """Orders for one variable: up to 8, for the standard error of the fourth cumulant needs the eighth
@@ -50,18 +51,26 @@ def _transpose(rows: Floats, columns: Floats) -> None:
             columns[i, p] = rows[p, i]
 
 
+@inline
+def _strands(x: Floats, n: int) -> Strands:
+    """Eight strands of n numbers each."""
+    return (
+        x[:n],
+        x[n : 2 * n],
+        x[2 * n : 3 * n],
+        x[3 * n : 4 * n],
+        x[4 * n : 5 * n],
+        x[5 * n : 6 * n],
+        x[6 * n : 7 * n],
+        x[7 * n : 8 * n],
+    )
+
+
 @lean_internal
 def _add_strands(x: Floats, n: int, out: Floats) -> None:
     """Add eight strands of n numbers each, in pairs; `out` may be the first of them."""
     widest_vectors()
-    a = x[:n]
-    b = x[n : 2 * n]
-    c = x[2 * n : 3 * n]
-    d = x[3 * n : 4 * n]
-    e = x[4 * n : 5 * n]
-    f = x[5 * n : 6 * n]
-    g = x[6 * n : 7 * n]
-    h = x[7 * n : 8 * n]
+    a, b, c, d, e, f, g, h = _strands(x, n)
     for i in range(n):
         out[i] = ((a[i] + b[i]) + (c[i] + d[i])) + ((e[i] + f[i]) + (g[i] + h[i]))
 
@@ -94,22 +103,8 @@ def product_sum(u: Floats, v: Floats, room: Floats) -> float:
     """Sum of products in the order of `_sum`."""
     widest_vectors()
     n = u.size // 8
-    a = u[:n]
-    b = u[n : 2 * n]
-    c = u[2 * n : 3 * n]
-    d = u[3 * n : 4 * n]
-    e = u[4 * n : 5 * n]
-    f = u[5 * n : 6 * n]
-    g = u[6 * n : 7 * n]
-    h = u[7 * n : 8 * n]
-    a2 = v[:n]
-    b2 = v[n : 2 * n]
-    c2 = v[2 * n : 3 * n]
-    d2 = v[3 * n : 4 * n]
-    e2 = v[4 * n : 5 * n]
-    f2 = v[5 * n : 6 * n]
-    g2 = v[6 * n : 7 * n]
-    h2 = v[7 * n : 8 * n]
+    a, b, c, d, e, f, g, h = _strands(u, n)
+    a2, b2, c2, d2, e2, f2, g2, h2 = _strands(v, n)
     for i in range(n):
         room[i] = ((a[i] * a2[i] + b[i] * b2[i]) + (c[i] * c2[i] + d[i] * d2[i])) + (
             (e[i] * e2[i] + f[i] * f2[i]) + (g[i] * g2[i] + h[i] * h2[i])
@@ -123,6 +118,7 @@ def power_sums(d: Floats, room: Floats, sums: Floats) -> None:
     d."""
     widest_vectors()
     n = d.size // 8
+    room.fill(0.0)
     s2 = room[0]
     s3 = room[1]
     s4 = room[2]
@@ -130,14 +126,6 @@ def power_sums(d: Floats, room: Floats, sums: Floats) -> None:
     s6 = room[4]
     s7 = room[5]
     s8 = room[6]
-    for i in range(n):
-        s2[i] = 0.0
-        s3[i] = 0.0
-        s4[i] = 0.0
-        s5[i] = 0.0
-        s6[i] = 0.0
-        s7[i] = 0.0
-        s8[i] = 0.0
     for k in range(8):
         part = d[k * n : (k + 1) * n]
         for i in range(n):

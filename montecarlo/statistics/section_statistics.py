@@ -1,12 +1,13 @@
 """Moments of sections with their standard errors, and the bias of the step in them, from central
 sums."""
 
-from collections.abc import Mapping
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from rattle.scene import Floats
+from rattle.scene import SECTION, Floats
 from rattle.scene.elementary import powers
 
 if TYPE_CHECKING:  # who reduces samples of another simulator compiles nothing
@@ -24,7 +25,17 @@ is 1.5.
 """
 
 
-def _variance_of(coefficients: list[Floats], moments: list[Floats]) -> Floats:
+def stack_section(columns: Mapping[str, NDArray[Any]], prefix: str = "") -> Floats:
+    """The columns of all section quantities whose names have a prefix.
+
+    Shapes: `columns` (impacts,); result (quantities, impacts).
+    """
+    return np.array([columns[prefix + q] for q in SECTION], dtype=float)
+
+
+def variance_of(
+    coefficients: Sequence[Floats | float], moments: Sequence[Floats] | Floats
+) -> Floats:
     """Variance of a polynomial in a standardised variable, coefficients in ascending order, given
     its moments."""
     square: Floats | float = 0.0
@@ -34,6 +45,13 @@ def _variance_of(coefficients: list[Floats], moments: list[Floats]) -> Floats:
         for j, b in enumerate(coefficients):
             square = square + a * b * moments[i + j]
     return np.maximum(square - np.square(mean), 0.0)
+
+
+def mean_statistics(sums: "CentralSums") -> dict[str, Floats]:
+    """Mean of the first variable with its standard error."""
+    with np.errstate(invalid="ignore", divide="ignore"):
+        se = np.sqrt(sums.moment(2, 0) / sums.n)
+    return {"mean": np.where(sums.n > 0, sums.mean[0], np.nan), "se_mean": se}
 
 
 def single_statistics(sums: "CentralSums") -> dict[str, Floats]:
@@ -74,9 +92,9 @@ def single_statistics(sums: "CentralSums") -> dict[str, Floats]:
                 sd > 0.0, np.sqrt(np.maximum(fourth - m2**2, 0.0) / n) / (2.0 * sd), 0.0 * sd
             ),
             "skew": skew,
-            "se_skew": np.sqrt(_variance_of(influence_skew, z) / n),
+            "se_skew": np.sqrt(variance_of(influence_skew, z) / n),
             "kurt": kurt - 3.0,
-            "se_kurt": np.sqrt(_variance_of(influence_kurt, z) / n),
+            "se_kurt": np.sqrt(variance_of(influence_kurt, z) / n),
         }
 
 

@@ -81,6 +81,27 @@ class WeightedSums:
     sums: Floats  # (parts, impacts, variables, WEIGHTED_ORDERS)
     products: Floats  # weighted products of the deviations of pairs; (impacts, pairs)
 
+    @classmethod
+    def of_parts(
+        cls,
+        values: Floats,
+        weights: Floats,
+        centre: Floats,
+        counts: Ints,
+        pairs: Sequence[tuple[int, int]],
+    ) -> "WeightedSums":
+        """Sums of a block of weighted paths, those of each part one after another, so many.
+
+        Shapes: `values` (paths, impacts, variables); `weights` (paths, impacts).
+        """
+        sums = np.zeros((counts.size, *centre.shape, WEIGHTED_ORDERS))
+        for i, end in enumerate(np.cumsum(counts)):
+            part = slice(end - counts[i], end)
+            add(values[part], weights[part], centre, sums[i])
+        products = np.zeros((len(centre), len(pairs)))
+        add_products(values, weights, centre, np.array(pairs), products)
+        return cls(counts.astype(float), centre, sums, products)
+
     def merge(self, other: "WeightedSums") -> "WeightedSums":
         """The sums over two sets of paths together."""
         paths = self.paths + other.paths

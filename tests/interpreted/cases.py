@@ -20,8 +20,8 @@ from rattle.montecarlo import SCHEMES, Record, simulate
 from rattle.montecarlo.bench import _normals, _scalar_normals, _skill_loop, _steps
 from rattle.montecarlo.branches.search import BranchSearch
 from rattle.montecarlo.coupling.paths import LongPath, after_impact, growths
+from rattle.montecarlo.kernel.block import run
 from rattle.montecarlo.kernel.mixture import mixture_of
-from rattle.montecarlo.kernel.weighted_paths import run_mixture
 from rattle.montecarlo.long_run.sums import new_sums, no_scales, scales_of_pilot
 from rattle.montecarlo.long_run.walk import Walk
 from rattle.montecarlo.noise.philox import key_of
@@ -138,7 +138,8 @@ def rare_branches():
     shift = BranchSearch(scene, 1, 24, math.pi / 96).until(1.0).branches[0].shift
     plan = plan_of(scene, paths=40, impacts=2, dt=math.pi / 96, scheme="exact-flight", rng=5)
     with mock.patch("rattle.montecarlo.kernel.block.BLOCK", 40):
-        result, _ = run_mixture(plan, mixture_of([shift], [0.3], np.zeros((2, 6)), 40), 0)
+        mixture = mixture_of([shift], [0.3], np.zeros((2, 6)), 40)
+        result, _ = run(plan._replace(mixture=mixture), 0)
     yield from (shift, result.sums["weighted"].sums, result.sums["weighted"].products, result.codes)
 
 

@@ -8,9 +8,9 @@ import pytest
 from mc_checks import limit
 
 from rattle.montecarlo.noise.brownian import Noise
-from rattle.montecarlo.noise.philox import BRIDGE, key_of
+from rattle.montecarlo.noise.philox import key_of
 from rattle.montecarlo.schemes.exact_flight import advance_exactly
-from rattle.montecarlo.schemes.step_state import MOST_PARTS, Progress, Walls
+from rattle.montecarlo.schemes.step_state import MOST_PARTS, Inside, Progress, Walls
 from rattle.scene import Scene
 from rattle.scene.compiled import jit
 from rattle.scene.drive import sine_cosine
@@ -35,20 +35,9 @@ def share_that_hits(c, key, first, paths, distance, room):
     hits = 0
     s = (c.wall1 - distance, 0.0, 0.0, 0.0)
     for p in range(paths):
-        at = Progress(0, TAU, H, Noise(0.0, 0.0), s[0], s[1], s[2], s[3])
-        after, _ = advance_exactly(
-            c,
-            key,
-            np.uint64(first + p),
-            np.uint64(0),
-            np.uint64(BRIDGE),
-            at,
-            sine_cosine(TAU),
-            s,
-            True,
-            walls,
-            room,
-        )
+        at = Progress(0, TAU, H, Noise(0.0, 0.0), s)
+        step = Inside(c, key, np.uint64(first + p), 0, 0, s, room)
+        after, _ = advance_exactly(step, 0, at, sine_cosine(TAU), walls)
         hits += after.code != 0
     return hits / paths
 

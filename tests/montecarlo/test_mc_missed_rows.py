@@ -10,7 +10,7 @@ from rattle.montecarlo.accuracy.cost import find_missed_rows, name_dearest_row
 from rattle.montecarlo.diagnostics.accuracy import (
     FEWEST_PATHS,
     error_bound,
-    units_by_quantity,
+    units,
 )
 from rattle.montecarlo.looks import share_of_look
 
@@ -41,16 +41,12 @@ def test_own_bounds_hold_together():
     failed = halved = 0
     for seed in range(60):
         run = simulate(NOISY, paths=FEWEST_PATHS, rng=100 + seed, impacts=3)
-        unit = units_by_quantity(run)
+        unit = units(run)
         off = []
         for row in find_missed_rows(run, 1e-9, 0.05):
             name = ("sd_" if row.moment == "sd" else "") + row.quantity
-            k = row.impact - 1
-            off.append(
-                abs(run.columns[name][k] - reference.columns[name][k])
-                / unit[row.quantity][k]
-                / row.bound
-            )
+            away = abs(run.section[name] - reference.section[name])[row.impact]
+            off.append(away / unit[row.quantity][row.impact] / row.bound)
         failed = failed + (max(off) > 1.0)
         halved = halved + (max(off) > 0.5)
     allowed = 60 * 0.05 + 3.0 * np.sqrt(60 * 0.05)

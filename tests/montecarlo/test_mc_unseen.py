@@ -6,7 +6,7 @@ from random_gears import PAIR_B
 
 from rattle import Closure, validate
 from rattle.montecarlo.branches import search as branches
-from rattle.montecarlo.branches.search import BranchSearch, rare_events
+from rattle.montecarlo.branches.search import BranchSearch
 from rattle.scene import DAT21, Scene
 
 PROBABILITY = 7.9e-6
@@ -16,7 +16,7 @@ the branch)."""
 
 
 def test_a_rare_branch_has_the_probability_and_the_size_that_eight_million_paths_show():
-    found = rare_events(PAIR_B, 2)
+    found = BranchSearch(PAIR_B, 2).until(1.0)
     (branch,) = [b for b in found.branches if b.impact == 1]
     assert abs(branch.probability - PROBABILITY) < 4.0 * PROBABILITY / np.sqrt(63.0)
     gap = branch.section[:, 1, 5] - found.orbit[1, 5]
@@ -36,13 +36,13 @@ def test_an_sd_is_judged_with_the_rare_branch_that_carries_a_third_of_its_varian
 
 
 def test_where_no_other_event_is_near_nothing_is_counted():
-    assert rare_events(Scene.from_gears(DAT21, sigma=0.01), 12).branches == ()
+    assert BranchSearch(Scene.from_gears(DAT21, sigma=0.01), 12).until(1.0).branches == ()
 
 
 def test_a_branch_whose_window_lies_between_the_points_of_the_grid_is_found():
     """Below sigma = 0.07 it was lost, from one noise intensity to the next."""
     sigmas = (0.055, 0.06, 0.065, 0.07)
-    found = [rare_events(Scene.from_gears(DAT21, sigma=s), 1).branches for s in sigmas]
+    found = [BranchSearch(Scene.from_gears(DAT21, sigma=s), 1).until(1.0).branches for s in sigmas]
     assert [(b.mesh, b.side) for (b,) in found] == [(2, -1)] * 4
     np.testing.assert_allclose(
         [b.beta * s for (b,), s in zip(found, sigmas, strict=True)], 0.328, rtol=5e-3
@@ -51,7 +51,7 @@ def test_a_branch_whose_window_lies_between_the_points_of_the_grid_is_found():
 
 def test_an_orbit_that_ends_leaves_later_impacts_unknown():
     scene = Scene(alpha=0.0, epsilon=0.5, beta1=5.0, gamma1=0.0, stages=1, sigma=1e-6)
-    found = rare_events(scene, 3)
+    found = BranchSearch(scene, 3).until(1.0)
     assert found.known < 3
     assert found.why
 
