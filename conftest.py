@@ -16,7 +16,7 @@ SECOND_TIER = [
     for folder in ("faults", "interpreted", "page", "security")
 ]
 """Folders whose tests are all slow, or look for faults that are rare."""
-LONGEST = {"test_docs_site.py", "test_readme.py"}
+LONGEST = {"test_docs_site.py"}
 """Files of the second tier whose few tests take minutes: begun last, they would be waited for."""
 EMPTY = '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 1 1"></svg>\n'
 

@@ -3,8 +3,8 @@ figures.
 
 .. code-block:: none
 
-    ```{reported} speed        a table, by the name of one of the functions in `TABLES`, or of the
-                               CSV of a measuring script, whose Markdown is beside it
+    ```{reported} speed        a table: of tables.toml, of a function in `COMPUTED`, or of the CSV
+                               of a measuring script, whose Markdown is beside it
     ```{answer} chaos          the sentences that open a report
     ```{reported-figure} chaos/sweep.svg
     :alt: what it shows
@@ -12,8 +12,8 @@ figures.
 """
 
 import json
-import math
 import os
+import tomllib
 from collections.abc import Callable, Iterable
 from itertools import groupby
 from pathlib import Path
@@ -24,16 +24,18 @@ import pandas as pd
 import source_tree
 from docutils import nodes
 from docutils.parsers.rst import directives
-from kept_tables import Table, columns, place_of, read, short
+from jinja2 import Environment, StrictUndefined, UndefinedError
+from kept_tables import Table, place_of, read, short
 from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
 
 from rattle.montecarlo.statistics.intervals import widest
 
-__all__ = ["TABLES", "setup"]
+__all__ = ["make_table", "setup"]
 
 HERE = Path(__file__).parent
-TABLES: dict[str, Callable[[Path], Table]] = {}
+LAYOUTS = tomllib.loads((HERE / "tables.toml").read_text(encoding="utf-8"))
+COMPUTED: dict[str, Callable[[Path], Table]] = {}
 CLOSURES = ("published", "corrected", "saltation", "branching")
 MOMENTS = {
     "tau": "the time of an impact",
@@ -50,7 +52,7 @@ AVERAGES = {
 
 def table(make: Callable[[Path], Table]) -> Callable[[Path], Table]:
     """Register a table by the name of the function that makes it from the folder of reports."""
-    TABLES[make.__name__.replace("_", "-")] = make
+    COMPUTED[make.__name__.replace("_", "-")] = make
     return make
 
 
@@ -62,10 +64,48 @@ def seconds(value: float) -> str:
     return f"{value / 1e-6:.3g} µs"
 
 
-def interval(row: Any, value: str, digits: int = 3) -> str:
+def within(value: float, low: float, high: float, digits: int = 3) -> str:
     """A value and the half width of its interval."""
-    half = 0.5 * (row["high"] - row["low"])
-    return "–" if pd.isna(row[value]) else f"{row[value]:.{digits}f} ± {half:.{digits}f}"
+    return "–" if pd.isna(value) else f"{value:.{digits}f} ± {0.5 * (high - low):.{digits}f}"
+
+
+CELLS = Environment(undefined=StrictUndefined, autoescape=False)
+CELLS.filters |= {"short": short, "seconds": seconds, "within": within}
+
+
+def load(layout: dict[str, Any], reports: Path) -> tuple[pd.DataFrame, Any]:
+    """The rows of a file, and all of it where it is JSON."""
+    file = reports / layout["file"]
+    if not file.exists():
+        file = HERE / layout["file"]
+    if file.suffix == ".csv":
+        return pd.read_csv(file), None
+    whole = rows = json.loads(file.read_text(encoding="utf-8"))
+    for key in layout["rows"]:
+        rows = rows[key]
+    return pd.DataFrame(rows), whole
+
+
+def lay_out(layout: dict[str, Any], reports: Path) -> Table:
+    """A table of tables.toml from its file."""
+    rows, whole = load(layout, reports)
+    rows = rows.query(layout.get("where", "index == index"))
+    heads = []
+    cells = []
+    for head, text in layout["columns"]:
+        heads.append(head)
+        cells.append(CELLS.from_string(text if "{" in text else f"{{{{ {text} | short }}}}"))
+    records = rows.to_dict("records")
+    return heads, [[cell.render(row, whole=whole) for cell in cells] for row in records]
+
+
+def make_table(name: str, reports: Path) -> Table:
+    """A table by its name; raises KeyError where there is none."""
+    if name in LAYOUTS:
+        return lay_out(LAYOUTS[name], reports)
+    if name in COMPUTED:
+        return COMPUTED[name](reports)
+    return read(place_of(HERE / "results" / f"{name.replace('-', '_')}.csv"))
 
 
 def stretch(sigmas: Iterable[float]) -> str:
@@ -127,45 +167,6 @@ def itinerary(reports: Path) -> Table:
 
 
 @table
-def leaving(reports: Path) -> Table:
-    """How paths leave the itinerary of DAT21's orbit."""
-    return columns(
-        pd.read_csv(reports / "dat21" / "leaving.csv"),
-        {
-            "σ": lambda r: f"{r['sigma']:.4g}",
-            "impact": "impact",
-            "struck instead": lambda r: f"mesh {r['mesh']}, side {r['side']:+d}",
-            "probability": lambda r: f"{r['probability']:.3g} ({r['low']:.3g} to {r['high']:.3g})",
-            "known from": lambda r: "paths drawn near it" if r["near"] else "the report's paths",
-        },
-    )
-
-
-@table
-def energy_law(_: Path) -> Table:
-    """What ``rattle check published --result energy-law --all --json`` has printed, kept beside the
-    page."""
-    printed = json.loads((HERE / "results" / "energy_law.json").read_text())
-    (result,) = printed["results"]
-    return columns(
-        pd.DataFrame(result["checks"]),
-        {
-            "long run": lambda c: (
-                c["quantity"]
-                .removeprefix("loss per time, ")
-                .replace("eps", "ε")
-                .replace("sigma", "σ =")
-            ),
-            "energy lost per unit of time": lambda c: short(c["found"], 4),
-            "by the law": lambda c: short(c["truth"], 4),
-            "relative standard error": lambda c: f"{c['se'] / c['truth']:.2%}",
-            "off by [se]": lambda c: short(c["z"], 2),
-            "allowed": lambda c: short(result["allowed"], 2),
-        },
-    )
-
-
-@table
 def long_restitution(reports: Path) -> Table:
     """The long run over the restitution."""
     found = pd.read_parquet(reports / "studies" / "long-restitution" / "quantities.parquet")
@@ -177,25 +178,6 @@ def long_restitution(reports: Path) -> Table:
         rows.append([short(epsilon), *main, short(by["autocorrelation"]["slow_share"])])
     heads = ["ε", "impacts per unit of time", "energy lost per period", "share of slow impacts"]
     return [*heads, "their autocorrelation (impacts)"], rows
-
-
-@table
-def speed(reports: Path) -> Table:
-    """What a closure saves where it holds."""
-    found = pd.read_csv(reports / "dat21" / "speed.csv")
-    rows = [
-        [
-            r["closure"],
-            short(r["sigma"]),
-            short(r["impacts"]),
-            ("" if r["resolved"] else "≤ ") + short(r["worst"], 2),
-            seconds(r["closure_seconds"]),
-            seconds(r["simulation_seconds"]),
-            ("" if r["resolved"] else "≥ ") + f"{float(format(r['speed_up'], '.2g')):g}",
-        ]
-        for _, r in found.iterrows()
-    ]
-    return ["closure", "σ", "impacts", "worst error [sd]", "closure", "simulation", "ratio"], rows
 
 
 @table
@@ -268,146 +250,14 @@ def memory(reports: Path) -> Table:
 
 
 @table
-def claims(reports: Path) -> Table:
-    """The claims of the paper, each with its verdict."""
-    return columns(
-        pd.read_csv(reports / "claims" / "claims.csv"),
-        {
-            "": "claim",
-            "claim": lambda r: f"{r['name']}: “{r['says']}”",
-            "test": "test",
-            "evidence": "evidence",
-            "verdict": "verdict",
-        },
-    )
-
-
-@table
 def exponents(reports: Path) -> Table:
     """Lyapunov exponents of the orbit, and of the linearisation along a noisy path."""
     found = pd.read_csv(reports / "chaos" / "exponents.csv")
     rows = [
-        [str(name), *(interval(r, "value") for _, r in of.iterrows())]
+        [str(name), *(within(r["value"], r["low"], r["high"]) for _, r in of.iterrows())]
         for name, of in found.groupby("of", sort=False)
     ]
     return ["exponents per unit of τ", "largest", "second", "third", "fourth"], rows
-
-
-@table
-def finite_size(reports: Path) -> Table:
-    """The finite-size exponent of two paths on one noise."""
-    return columns(
-        pd.read_csv(reports / "chaos" / "fsle.csv"),
-        {
-            "distance δ": lambda r: f"{r['delta']:.1e}",
-            "finite-size exponent": lambda r: interval(r, "exponent", 2),
-            "events": "events",
-        },
-    )
-
-
-@table
-def mean_maps(reports: Path) -> Table:
-    """The closures as iterated maps."""
-    return columns(
-        pd.read_csv(reports / "chaos" / "mean_maps.csv"),
-        {
-            "closure": "closure",
-            "map": "map",
-            "exponents of its means": "exponents",
-            "growth of its moments": "moments",
-            "first impact that is not realizable": "not_realizable",
-        },
-    )
-
-
-@table
-def crossings(reports: Path) -> Table:
-    """Where the largest exponent changes its sign over the excitation."""
-    return columns(
-        pd.read_csv(reports / "chaos" / "crossings.csv"),
-        {
-            "of": "of",
-            "α between": lambda r: f"{r['low']:.3f} and {r['high']:.3f}",
-            "becomes": lambda r: "positive" if r["to"] > 0 else "negative",
-        },
-    )
-
-
-@table
-def tradeoff(reports: Path) -> Table:
-    """What an accuracy costs with each scheme and each closure."""
-    return columns(
-        pd.read_csv(reports / "tradeoff" / "tradeoff.csv"),
-        {
-            "method": lambda r: (
-                r["method"] + (" (means alone)" if r["kind"] == "multilevel" else "")
-            ),
-            "error [sd]": "error",
-            "step": "dt",
-            "paths": lambda r: short(r["paths"] or math.nan),
-            "core time": lambda r: seconds(r["core_seconds"]),
-            "measured": lambda r: "yes" if r["measured"] else "extrapolated",
-        },
-    )
-
-
-@table
-def orders(reports: Path) -> Table:
-    """Measured slopes of the step bias of the Euler-Maruyama schemes, and the orders on which they
-    have settled."""
-    found = pd.read_csv(reports / "tradeoff" / "orders.csv", keep_default_na=False, na_values=[""])
-
-    def order(r: dict[str, Any]) -> str:
-        half = 0.5 * (r["order_high"] - r["order_low"])
-        return "not settled" if pd.isna(r["order"]) else f"{r['order']:.2f} ± {half:.2f}"
-
-    return columns(
-        found[found["slope"].notna()],
-        {
-            "scheme": "scheme",
-            "σ": "sigma",
-            "moment": lambda r: " ".join(
-                str(r[n]) for n in ("moment", "quantity") if not pd.isna(r[n])
-            ),
-            "steps": lambda r: f"{r['coarsest']:g} to {r['finest']:g}",
-            "slope": lambda r: interval(r, "slope", 2),
-            "order": order,
-            "limit off by [se]": lambda r: short(r["limit_z"], 2),
-            "allowed": lambda r: short(r["limit_allowed"], 2),
-        },
-    )
-
-
-@table
-def control(reports: Path) -> Table:
-    """By what factor the control variate and antithetic pairs divide the variance."""
-    return columns(
-        pd.read_csv(reports / "tradeoff" / "control.csv"),
-        {
-            "σ": "sigma",
-            "control: means": "means_median",
-            "control: sds": "sds_median",
-            "antithetic: means": "antithetic_means",
-            "antithetic: sds": "antithetic_sds",
-            "time of the control": "time_ratio",
-        },
-    )
-
-
-@table
-def levels(reports: Path) -> Table:
-    """Multilevel Monte Carlo over the step."""
-    return columns(
-        pd.read_csv(reports / "tradeoff" / "levels.csv"),
-        {
-            "scheme": "scheme",
-            "level": "level",
-            "step": "dt",
-            "variance of the difference (median)": "variance_median",
-            "kurtosis (largest)": "kurtosis",
-        },
-    )
 
 
 @table
@@ -422,23 +272,6 @@ def stability(reports: Path) -> Table:
         counts = [short(int((of["verdict"] == v).sum())) for v in verdicts]
         rows.append([str(scheme), *counts, f"{int(wrong['diagnosed'].sum())} of {len(wrong)}"])
     return ["scheme", *verdicts, "biased or unstable, with a diagnostic"], rows
-
-
-@table
-def extremes(reports: Path) -> Table:
-    """Extreme values: what was tried, against which truth, with what worst error."""
-    return columns(
-        pd.read_csv(reports / "stability" / "extremes.csv"),
-        {
-            "what": "name",
-            "tried": "tried",
-            "truth": "truth",
-            "worst error": "worst",
-            "allowed": "allowed",
-            "in units of": "unit",
-            "holds": "holds",
-        },
-    )
 
 
 def _outcomes(folder: Path) -> Table:
@@ -459,31 +292,6 @@ def fuzz(reports: Path) -> Table:
 def fuzz_wide(reports: Path) -> Table:
     """Random scenes of any magnitude."""
     return _outcomes(reports / "fuzz-wide")
-
-
-@table
-def benchmarks(_: Path) -> Table:
-    """Times on one machine, kept beside this file: they are measured by hand and hold for the
-    version beside them."""
-    found = pd.read_csv(HERE / "benchmarks.csv", dtype=str, keep_default_na=False)
-    return columns(found, {head: head for head in found})
-
-
-@table
-def path_steps(_: Path) -> Table:
-    """What ``rattle check speed --json`` has printed on the machine that the page names, kept
-    beside this file."""
-    found = json.loads((HERE / "path_steps.json").read_text(encoding="utf-8"))
-    return columns(
-        pd.DataFrame(found),
-        {
-            "": "what",
-            "ns": "ns",
-            "times the floor": "times_floor",
-            "times as fast": "gain",
-            "µs per path": "us",
-        },
-    )
 
 
 def cell(text: str) -> nodes.entry:
@@ -519,10 +327,9 @@ class Reported(FromReports):
     def run(self) -> list[nodes.Node]:
         """Make it."""
         name = self.arguments[0]
-        measured = place_of(HERE / "results" / f"{name.replace('-', '_')}.csv")
         try:
-            heads, rows = TABLES[name](self.reports) if name in TABLES else read(measured)
-        except (OSError, KeyError) as error:
+            heads, rows = make_table(name, self.reports)
+        except (OSError, KeyError, UndefinedError) as error:
             raise self.error(
                 f"the table {name} cannot be made of {self.reports}: {error!r}"
             ) from None

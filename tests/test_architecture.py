@@ -37,30 +37,19 @@ def packages(path: Path) -> set[str]:
     return {name.split(".")[1] for name in modules(path) if name.startswith("rattle.")}
 
 
-@pytest.mark.parametrize("package", MAY_IMPORT)
-def test_import_direction(package):
+@pytest.mark.parametrize("package", [*MAY_IMPORT, "tests"])
+def test_imports(package):
+    """In one direction, by the one name (``import scene`` would make a second module of the same
+    file), and click in the command line alone, on which nothing rests."""
     for path in (ROOT / package).rglob("*.py"):
+        names = set(modules(path))
+        assert not {name.split(".")[0] for name in names} & set(MAY_IMPORT), path
+        if package == "tests":
+            continue
         assert packages(path) <= MAY_IMPORT[package], path
-
-
-def test_imports_are_by_the_one_name():
-    """``import scene`` would make a second module of the same file."""
-    for folder in (*MAY_IMPORT, "tests"):
-        for path in (ROOT / folder).rglob("*.py"):
-            assert not {name.split(".")[0] for name in modules(path)} & set(MAY_IMPORT), path
-
-
-def test_click_stays_in_the_command_line():
-    """What can be used from Python knows nothing of a command line."""
-    for path in (ROOT / "compare").rglob("*.py"):
         if path.parent.name != "cli":
-            assert "click" not in {name.split(".")[0] for name in modules(path)}, path
-
-
-def test_nothing_but_the_command_line_imports_it():
-    for path in (ROOT / "compare").rglob("*.py"):
-        if path.parent.name != "cli" and path.name != "__main__.py":
-            assert not any(name.startswith("rattle.compare.cli") for name in modules(path)), path
+            assert "click" not in {name.split(".")[0] for name in names}, path
+            assert not any(name.startswith("rattle.compare.cli") for name in names), path
 
 
 @pytest.mark.parametrize("package", ["", *(f".{name}" for name in MAY_IMPORT)])
@@ -70,31 +59,36 @@ def test_public_names_exist(package):
         assert hasattr(module, name)
 
 
-def test_help_does_not_load_the_scientific_stack():
-    code = (
-        "import sys, rattle.compare.cli.main; print([m for m in ('numba', 'pandas', 'matplotlib')"
-        " if m in sys.modules])"
-    )
-    assert python("-c", code).stdout.strip() == "[]"
+HEAVY = "; print([m for m in ('numba', 'pandas', 'matplotlib') if m in sys.modules])"
 
 
-def test_a_class_name_has_one_meaning():
-    nodes = (node for tree in sources().values() for node in ast.walk(tree))
+@pytest.mark.parametrize("name", ["rattle.compare.cli.main", "rattle"])
+def test_neither_help_nor_the_import_loads_the_scientific_stack(name):
+    assert python("-c", f"import sys, {name}{HEAVY}").stdout.strip() == "[]"
+
+
+@pytest.fixture(scope="module")
+def trees():
+    return sources()
+
+
+def test_a_class_name_has_one_meaning(trees):
+    nodes = (node for tree in trees.values() for node in ast.walk(tree))
     names = Counter(node.name for node in nodes if isinstance(node, ast.ClassDef))
     assert not [name for name, times in names.items() if times > 1]
 
 
-def test_no_imports_run_in_a_circle():
+def test_no_imports_run_in_a_circle(trees):
     """Wherever they stand: at the top of a module, for types only, or within a function."""
-    assert not circles(import_graph(sources()))
+    assert not circles(import_graph(trees))
     assert circles({"a": {"b"}, "b": {"c"}, "c": {"a"}, "d": {"a"}}) == [
         {"a", "b", "c"}
     ]  # one that is planted
 
 
 @pytest.mark.parametrize(("package", "most"), {"closure": 5, "montecarlo": 7, "compare": 6}.items())
-def test_folders_import_each_other_one_way_on_few_floors(package, most):
-    found = rooms(import_graph(sources()), package)
+def test_folders_import_each_other_one_way_on_few_floors(trees, package, most):
+    found = rooms(import_graph(trees), package)
     assert not circles(found)
     assert floors(found) <= most
     assert floors({"a": {"b"}, "b": {"c"}, "c": set(), "d": {"c"}}) == 3

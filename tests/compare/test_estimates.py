@@ -10,45 +10,41 @@ import pytest
 
 from rattle import DAT21, Scene, boundary, boundary_map, crossing, sensitivity, stationary
 from rattle.compare import closure_sensitivity
-from rattle.montecarlo.long_run import expect_run, long_run, run
+from rattle.montecarlo.long_run import expect_run, long_run
 
 SCENE = Scene.from_gears(DAT21, sigma=0.5)
 FAINT = Scene.from_gears(DAT21, sigma=0.01)
 TIME = r"about [\d.]+ (ms|s|minutes|h)"
-SEARCH = {"between": (0.01, 0.1), "points": 2, "width": 0.9}
+FEW = {"points": 2, "width": 0.9}
+SEARCH = {"between": (0.01, 0.1), **FEW}
 ASKED = {
-    "stationary": partial(stationary, SCENE, periods=64, paths=16, budget=1e-3),
-    "sensitivity": partial(
-        sensitivity, SCENE, quantities=["power"], parameters=["omega"], accuracy=1.0
-    ),
-    "closure": partial(
-        closure_sensitivity, FAINT, parameters=["omega"], impacts=1, paths=1024, budget=1e-3
-    ),
-    "boundary": partial(boundary, FAINT, impacts=1, **SEARCH),
-    "map": partial(boundary_map, FAINT, along="alpha", values=2, impacts=1, **SEARCH),
-    "crossing": partial(
-        crossing,
-        SCENE,
-        quantity="power",
-        level=1e6,
-        over="amplitude",
-        points=2,
-        width=0.9,
-        budget=1e-3,
-    ),
-}
-SAID = {
     "stationary": (
+        partial(stationary, SCENE, periods=64, paths=16, budget=1e-3),
         rf"^x: 160 periods of 16 paths at the least, {TIME} of processor time, more than the budget"
-        r" of 1 ms$"
+        r" of 1 ms$",
     ),
     "sensitivity": (
-        rf"^x: 20 long runs at the least, {TIME} of processor time; up to 16 times as many"
+        partial(sensitivity, SCENE, quantities=["power"], parameters=["omega"], accuracy=1.0),
+        rf"^x: 20 long runs at the least, {TIME} of processor time; up to 16 times as many",
     ),
-    "closure": rf"^x: 80 runs of 64 paths, {TIME} of processor time$",
-    "boundary": rf"^x: 2 values of sigma, .* {TIME} to [\d.]+ (ms|s) of processor time$",
-    "map": rf"^boundary: 4 values of sigma, .* {TIME} to [\d.]+ (ms|s) of processor time$",
-    "crossing": rf"^x: 2 values of amplitude, .* {TIME} to [\d.]+ (ms|s) of processor time$",
+    "closure": (
+        partial(
+            closure_sensitivity, FAINT, parameters=["omega"], impacts=1, paths=1024, budget=1e-3
+        ),
+        rf"^x: 80 runs of 64 paths, {TIME} of processor time$",
+    ),
+    "boundary": (
+        partial(boundary, FAINT, impacts=1, **SEARCH),
+        rf"^x: 2 values of sigma, .* {TIME} to [\d.]+ (ms|s) of processor time$",
+    ),
+    "map": (
+        partial(boundary_map, FAINT, along="alpha", values=2, impacts=1, **SEARCH),
+        rf"^boundary: 4 values of sigma, .* {TIME} to [\d.]+ (ms|s) of processor time$",
+    ),
+    "crossing": (
+        partial(crossing, SCENE, quantity="power", level=1e6, over="amplitude", **FEW, budget=1e-3),
+        rf"^x: 2 values of amplitude, .* {TIME} to [\d.]+ (ms|s) of processor time$",
+    ),
 }
 
 
@@ -63,14 +59,14 @@ def test_an_estimate_is_said_before_the_work_where_a_bar_is_asked_for(name, capl
     def stop(*_, **__):
         raise Stopped
 
-    work = ASKED[name]
+    work, said = ASKED[name]
     label = True if name == "map" else "x"
     for module in ("montecarlo.long_run.run", "compare.engine.run", *PARAMETERS):
         monkeypatch.setattr(f"rattle.{module}.ProgressBar", stop)
     with caplog.at_level(logging.INFO, "rattle.estimate"), pytest.raises(Stopped):
         work(progress=label)
     (record,) = caplog.records
-    assert re.search(SAID[name], record.getMessage())
+    assert re.search(said, record.getMessage())
     caplog.clear()
     with caplog.at_level(logging.INFO, "rattle.estimate"), pytest.raises(Stopped):
         work()
@@ -85,34 +81,7 @@ PARAMETERS = [
 @pytest.mark.parametrize("scene", [SCENE, replace(SCENE, epsilon=0.5)])
 def test_the_periods_of_an_estimate_are_those_of_the_run(scene):
     """To the pilot run's, which end with a number of impacts."""
-    expected = expect_run(scene, 256, periods=64, burn_in=32)
-    found = long_run(scene, periods=64, burn_in=32, rng=3)
+    expected = expect_run(scene, 64, periods=64, burn_in=32)
+    found = long_run(scene, paths=64, periods=64, burn_in=32, rng=3)
     assert expected.periods == pytest.approx(found.burn_in.periods + found.periods, rel=0.1)
     assert expected.lengthen(expected.periods) == 2.0 * expected.core_seconds
-
-
-def test_the_time_of_an_estimate_is_that_of_the_paths(monkeypatch):
-    """By a clock that counts impacts; sixteen times as many paths take sixteen times as long."""
-    ticks = iter(range(100))
-    monkeypatch.setattr(run, "clock", lambda: float(next(ticks)))
-    few, many = (expect_run(SCENE, paths, periods=64, burn_in=36) for paths in (16, 256))
-    assert few.core_seconds == few.periods / run.PROBE_PERIODS
-    assert many.core_seconds / many.periods == 16.0 * few.core_seconds / few.periods
-
-
-def test_a_bar_of_a_long_run_knows_how_many_periods_are_expected(monkeypatch):
-    totals = []
-
-    class Watched(run.ProgressBar):
-        """A bar that notes what it is said to end at."""
-
-        def __setattr__(self, name, value):
-            if name == "total" and value is not None:
-                totals.append(value)
-            super().__setattr__(name, value)
-
-    monkeypatch.setattr(run, "ProgressBar", Watched)
-    found = long_run(SCENE, periods=64, paths=64)
-    assert totals[0] == run.FIRST_TEST + 64
-    assert totals == sorted(totals)
-    assert totals[-1] == found.burn_in.periods + found.periods

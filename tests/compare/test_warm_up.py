@@ -9,7 +9,7 @@ import numba
 import pytest
 from filelock import FileLock
 
-from rattle.compare.warm_up import NEEDS, DoneTasks, compile_tasks, measure_times, tasks
+from rattle.compare.warm_up import DoneTasks, compile_tasks, measure_times
 from rattle.scene import compile_ahead, compiled
 
 COMPILED = pytest.mark.skipif(
@@ -57,16 +57,6 @@ def test_a_task_of_another_process_is_left_to_it_until_it_takes_too_long(kept, t
     assert ran == ["b", "c", "a"]
 
 
-def test_a_task_that_fails_is_not_noted(kept, three, ran):
-    def fail():
-        raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        list(compile_tasks({"a": fail}, kept))
-    list(compile_tasks(three, kept))
-    assert ran == ["a", "b", "c"]
-
-
 def test_tasks_are_run_where_nothing_can_be_noted(kept, three, ran, monkeypatch):
     def refuse(*words, **settings):
         raise OSError(28, "No space left on device")
@@ -75,11 +65,6 @@ def test_tasks_are_run_where_nothing_can_be_noted(kept, three, ran, monkeypatch)
     monkeypatch.setattr("pathlib.Path.write_text", refuse)
     list(compile_tasks(three, kept, 1.0))
     assert ran == ["a", "b", "c"]
-
-
-@pytest.mark.parametrize("orders", [1, 2])
-def test_what_commands_need_are_tasks(orders):
-    assert set().union(*NEEDS.values()) <= set(tasks(orders))
 
 
 @COMPILED

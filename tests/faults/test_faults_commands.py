@@ -16,65 +16,61 @@ from programs import python
 from small_disks import disk, make_read_only
 
 WRITERS = {
-    "validate": [
-        *["--paths", "600", "--impacts", "2", "--dt", "0.01", "--no-validity"],
-        *["--sigma", "0.1", "--closure", "saltation"],
-    ],
-    "tradeoff": [],
-    "chaos": ["--no-sweep"],
-    "claims": [],
+    "validate": (
+        "--paths 600 --impacts 2 --dt 0.01 --no-validity --sigma 0.1 --closure saltation --out"
+    ),
+    "tradeoff": "--out",
+    "chaos": "--no-sweep --out",
+    "claims": "--out",
 }
 """Commands that write a report folder, by way of `rattle.compare.report.folder.whole_folder` alone.
 """
 
 
+@pytest.mark.usefixtures("no_work")
 @pytest.mark.parametrize("command", WRITERS)
-def test_no_room_is_said_before_any_work(command, tmp_path, monkeypatch):
-    monkeypatch.setattr(
-        "rattle.montecarlo.kernel.blocks.run", lambda *_: pytest.fail("paths were followed")
-    )
+def test_no_room_is_said_before_any_work(command, tmp_path):
     with disk(tmp_path / "disk", "64k") as place:
-        found = rattle(command, *WRITERS[command], "--out", place / "report", code=2)
-        assert "MB are free there; make room" in found.stderr
+        words = f"{command} {WRITERS[command]} {place / 'report'}"
+        assert "MB are free there; make room" in rattle(words, code=2).stderr
         make_read_only(place)
-        found = rattle(command, *WRITERS[command], "--out", place / "report", code=2)
-        assert "cannot be written; choose another place" in found.stderr
+        assert "cannot be written; choose another place" in rattle(words, code=2).stderr
         assert not any(place.iterdir())
 
 
 def test_the_table_of_simulate_on_a_full_disk(tmp_path):
     """The results are printed, and the earlier table is whole."""
-    words = ["simulate", "--paths", "100", "--impacts", "2", "--dt", "0.01"]
+    words = "simulate --paths 100 --impacts 2 --dt 0.01 --out"
     with disk(tmp_path / "disk", "8k") as place:
-        (place / "table.csv").write_text("impact,tau: old")
+        table = place / "table.csv"
+        table.write_text("impact,tau: old")
         (place / "filler").write_bytes(b"x" * 4096)
-        found = rattle(*words, "--out", place / "table.csv", code=2)
-        assert "100 paths" in found.stdout
-        assert "the disk is full" in found.stderr
-        assert (place / "table.csv").read_text() == "impact,tau: old"
-        assert sorted(p.name for p in place.iterdir()) == ["filler", "table.csv"]
+        done = rattle(f"{words} {table}", code=2)
+        assert "100 paths" in done.stdout
+        assert "the disk is full" in done.stderr
+        assert table.read_text() == "impact,tau: old"
+        assert sorted(path.name for path in place.iterdir()) == ["filler", "table.csv"]
         make_read_only(place)
-        assert "cannot be written" in rattle(*words, "--out", place / "table.csv", code=2).stderr
-        assert "cannot be written" in rattle(*words, "--out", tmp_path, code=2).stderr
+        for out in (table, tmp_path):
+            assert "cannot be written" in rattle(f"{words} {out}", code=2).stderr
 
 
 ENDLESS = 600.0  # seconds in which any machine has loaded a library
 LONG = {
-    "validate": ["--paths", "100000000"],
-    "order": ["--paths", "1000000"],
-    "study": ["study.toml"],
-    "chaos": [],
+    "validate": "--paths 100000000",
+    "order": "--paths 1000000",
+    "study": "study.toml",
+    "chaos": "",
 }
 
 
 def used(process):
     """Processor seconds of all threads of a process, of /proc/PID/stat: utime and stime."""
     try:
-        fields = (
-            Path(f"/proc/{process.pid}/stat").read_text(encoding="ascii").rpartition(")")[2].split()
-        )
+        text = Path(f"/proc/{process.pid}/stat").read_text(encoding="ascii")
     except OSError:
         return 0.0
+    fields = text.rpartition(")")[2].split()
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
@@ -86,43 +82,39 @@ def wait_for_work(process, seconds):
         time.sleep(0.02)
 
 
+def begin(command, place):
+    """A command as a process; in `said` it lists what it has loaded."""
+    place.mkdir()
+    (place / "study.toml").write_text(study(impacts=2, paths=50_000_000, sigma=(0.1, 0.2)))
+    words = [sys.executable, "-X", "importtime", "-m", "rattle.compare.cli.main", command]
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+    with place.with_suffix(".txt").open("wb") as said:
+        return subprocess.Popen(
+            [*words, *LONG[command].split()],
+            cwd=place,
+            stdout=subprocess.DEVNULL,
+            stderr=said,
+            env=environment,
+        )
+
+
+def wait_for_json(process, said):
+    """Wait until a command itself has loaded json."""
+    begun = time.monotonic()
+    while not re.search(r"\| +json$", said.read_text(), re.M):
+        assert process.poll() is None
+        waited = time.monotonic() - begun
+        assert waited < ENDLESS, "json is not loaded any longer: wait for something else"
+        time.sleep(0.1)
+
+
 def test_an_interrupt_ends_a_command_soon(tmp_path):
     """One of each kind, started at once and interrupted in turn; only the cells of a study are
     left."""
-    running = {}
-    said = {}
-    for command in LONG:
-        place = tmp_path / command
-        place.mkdir()
-        (place / "study.toml").write_text(study(impacts=2, paths=50_000_000, sigma=(0.1, 0.2)))
-        said[command] = tmp_path / f"{command}.txt"
-        with said[command].open("wb") as file:
-            running[command] = subprocess.Popen(
-                [
-                    sys.executable,
-                    "-X",
-                    "importtime",
-                    "-m",
-                    "rattle.compare.cli.main",
-                    *command.split(),
-                    *LONG[command],
-                ],
-                cwd=place,
-                stdout=subprocess.DEVNULL,
-                stderr=file,
-                env=os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
-            )
+    running = {command: begin(command, tmp_path / command) for command in LONG}
     try:
         for command, process in running.items():
-            begun = time.monotonic()
-            while not re.search(
-                r"\| +json$", said[command].read_text(), re.M
-            ):  # loaded by the command itself
-                assert process.poll() is None, command
-                assert time.monotonic() - begun < ENDLESS, (
-                    "json is not loaded any longer: wait for something else"
-                )
-                time.sleep(0.1)
+            wait_for_json(process, tmp_path / f"{command}.txt")
             process.send_signal(signal.SIGSTOP)
         for command, process in running.items():
             process.send_signal(signal.SIGCONT)
@@ -130,15 +122,12 @@ def test_an_interrupt_ends_a_command_soon(tmp_path):
             assert process.poll() is None, command  # still at work
             process.send_signal(signal.SIGINT)
             process.wait(timeout=60)  # two seconds where the machine has nothing else to do
-            lines = [
-                x
-                for x in said[command].read_text().splitlines()
-                if not x.startswith("import time:")
-            ]
+            text = (tmp_path / f"{command}.txt").read_text()
+            lines = [line for line in text.splitlines() if not line.startswith("import time:")]
             assert process.returncode == 130, lines
-            assert len([x for x in lines if x.startswith("rattle: interrupted")]) == 1
-            assert not any("Traceback" in x for x in lines)
-            left = {p.name for p in (tmp_path / command).iterdir()}
+            assert sum(line.startswith("rattle: interrupted") for line in lines) == 1
+            assert "Traceback" not in text
+            left = {path.name for path in (tmp_path / command).iterdir()}
             assert left <= {"study.toml"} | ({"study"} if command == "study" else set())
     finally:
         for process in running.values():
@@ -148,21 +137,22 @@ def test_an_interrupt_ends_a_command_soon(tmp_path):
 
 @pytest.mark.usefixtures("undrawn")
 def test_manifests_that_cannot_be_repeated(tmp_path):
-    rattle("validate", *WRITERS["validate"], "--out", tmp_path / "report")
+    rattle(f"validate {WRITERS['validate']} {tmp_path / 'report'}")
     text = (tmp_path / "report" / "manifest.json").read_text()
     data = json.loads(text)
     changed = json.dumps(data | {"settings": data["settings"] | {"paths": 3}})
     del data["seal"]  # as an earlier version wrote it
-    bad = {
-        "changed": (changed, "was changed after it was written"),
-        "truncated": (text[: len(text) // 2], "is no manifest of this version"),
-        "empty": ("", "is no manifest of this version"),
-        "a list": ("[1]", "is no manifest of this version"),
-        "newer": (json.dumps(data | {"version": 2}), "comes from a newer version of rattle"),
-    }
-    for content, said in bad.values():
+    foreign = "is no manifest of this version"
+    for content, said in (
+        (changed, "was changed after it was written"),
+        (text[: len(text) // 2], foreign),
+        ("", foreign),
+        ("[1]", foreign),
+        (json.dumps(data | {"version": 2}), "comes from a newer version of rattle"),
+    ):
         (tmp_path / "manifest.json").write_text(content)
-        assert said in rattle("validate", "--repeat", tmp_path / "manifest.json", code=2).stderr
+        words = f"validate --repeat {tmp_path / 'manifest.json'}"
+        assert said in rattle(words, code=2).stderr
     assert data["version"] == 1
 
 
@@ -179,55 +169,40 @@ import {module}
 main({words})
 """
 STORED = "run the same command again to continue"
+NO_PAGE = f"2 of 2 results stored, but their page is not written; {STORED}"
+
+
+def interrupt(function, words, folder):
+    """The last line of a command that is interrupted in a function."""
+    module, _, name = f"rattle.{function}".rpartition(".")
+    code = ENDING.format(module=module, function=name, words=words.split())
+    return python("-c", code, code=130, cwd=folder).stderr.splitlines()[-1]
 
 
 @pytest.mark.parametrize(
     ("function", "said"),
     [
-        (
-            "compare.study.folder.write_page",
-            f"2 of 2 results stored, but their page is not written; {STORED}",
-        ),
-        (
-            "compare.study.design.combine",
-            f"2 of 2 results stored, but their page is not written; {STORED}",
-        ),
+        ("compare.study.folder.write_page", NO_PAGE),
+        ("compare.study.design.combine", NO_PAGE),
         ("compare.engine.run.run", f"0 of 2 results stored; {STORED}"),
         ("compare.cli.study.say_lines", "all 2 results are stored, and their page is written"),
     ],
 )
 def test_an_interrupted_study_says_what_is_stored(function, said, tmp_path):
     (tmp_path / "s.toml").write_text(study())
-    module, _, name = f"rattle.{function}".rpartition(".")
-    code = ENDING.format(module=module, function=name, words=["study", "s.toml"])
-    done = python("-c", code, code=130, cwd=tmp_path)
-    assert done.stderr.splitlines()[-1] == f"rattle: interrupted; {said}"
+    assert interrupt(function, "study s.toml", tmp_path) == f"rattle: interrupted; {said}"
     assert (tmp_path / "s" / "study.html").exists() == ("page is written" in said)
 
 
 def test_an_interrupted_search_says_what_is_stored(tmp_path):
     """Cells that are kept beside the folder of the report; without a folder nothing is kept."""
-    words = [
-        "boundary",
-        "--impacts",
-        "1",
-        "--points",
-        "2",
-        "--width",
-        "0.9",
-        "--between",
-        "0.01",
-        "0.02",
-    ]
-    code = {"module": "rattle.compare.parameters.page", "function": "make_report"}
-    done = python("-c", ENDING.format(words=[*words, "--out", "b"], **code), code=130, cwd=tmp_path)
+    words = "boundary --impacts 1 --points 2 --width 0.9 --between 0.01 0.02"
+    said = interrupt("compare.parameters.page.make_report", f"{words} --out b", tmp_path)
     stored = len(list((tmp_path / "b-cells").glob("*.parquet")))
-    said = f"rattle: interrupted; {stored} results stored in b-cells; {STORED}"
-    assert done.stderr.splitlines()[-1] == said
     assert stored
-    code = {"module": "rattle.compare.parameters.search", "function": "find_changes"}
-    done = python("-c", ENDING.format(words=[*words, "--json"], **code), code=130, cwd=tmp_path)
-    assert done.stderr.splitlines()[-1] == "rattle: interrupted; nothing was written"
+    assert said == f"rattle: interrupted; {stored} results stored in b-cells; {STORED}"
+    said = interrupt("compare.parameters.search.find_changes", f"{words} --json", tmp_path)
+    assert said == "rattle: interrupted; nothing was written"
 
 
 TWICE = """
@@ -249,8 +224,6 @@ main(["load"])
 
 
 def test_a_second_interrupt_does_not_stop_the_cleaning_up(tmp_path):
-    done = python(
-        "-c", TWICE, code=130, cwd=tmp_path, PYTHONPATH=os.pathsep.join(filter(None, sys.path))
-    )
+    done = python("-c", TWICE, code=130, cwd=tmp_path)
     assert done.stderr.count("\n") == 1
     assert (tmp_path / "cleaned").exists()

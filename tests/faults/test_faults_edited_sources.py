@@ -79,32 +79,30 @@ def run(tmp_path):
 EDITED = "scene/inner.py was edited while this process ran"
 
 
-def test_machine_code_of_an_edit_is_not_kept(run):
-    """Of one that is imported late, and taken back after it was compiled."""
-    printed, said = run(EDIT + CALL + REVERT)
-    assert printed == ["16.0", "1"]
+@pytest.mark.parametrize(
+    ("code", "number"),
+    [
+        pytest.param(EDIT + CALL + REVERT, "16.0", id="taken back after it was compiled"),
+        pytest.param(
+            EDIT + "import rattle.scene.inner\n" + REVERT + CALL,
+            "16.0",
+            id="taken back before it is compiled",
+        ),
+        pytest.param(
+            "import rattle.scene.outer\n" + EDIT + CALL + REVERT,
+            "11.0",
+            id="after what was imported",
+        ),
+    ],
+)
+def test_machine_code_of_an_edit_is_not_kept(run, code, number):
+    printed, said = run(code)
+    assert printed == [number, "1"]
     assert said.count("\n") == 1
     assert EDITED in said
     assert run(CALL) == (["11.0", "1"], "")
 
 
-@pytest.mark.slow
-def test_machine_code_of_an_edit_that_is_taken_back_before_it_is_compiled_is_not_kept(run):
-    printed, said = run(EDIT + "import rattle.scene.inner\n" + REVERT + CALL)
-    assert printed == ["16.0", "1"]
-    assert EDITED in said
-    assert run(CALL) == (["11.0", "1"], "")
-
-
-@pytest.mark.slow
-def test_machine_code_is_not_kept_after_an_edit_of_what_was_imported(run):
-    printed, said = run("import rattle.scene.outer\n" + EDIT + CALL + REVERT)
-    assert printed == ["11.0", "1"]
-    assert EDITED in said
-    assert run(CALL) == (["11.0", "1"], "")
-
-
-@pytest.mark.slow
 def test_machine_code_of_bytecode_that_python_takes_for_that_of_another_source_is_not_kept(run):
     """Both sources have one size and one time, to the second."""
     run(
@@ -118,14 +116,12 @@ def test_machine_code_of_bytecode_that_python_takes_for_that_of_another_source_i
     assert run(CALL) == (["11.0", "1"], "")
 
 
-@pytest.mark.slow
 def test_a_process_that_has_imported_an_edit_takes_no_machine_code_of_the_source_before(run):
     assert run(CALL)[0] == ["11.0", "1"]
     assert run(EDIT + CALL + REVERT)[0] == ["16.0", "1"]
     assert run(CALL)[0] == ["11.0", "0"]
 
 
-@pytest.mark.slow
 def test_a_comment_changes_nothing(run):
     assert run("import rattle.scene.outer\n" + COMMENT + CALL) == (["11.0", "1"], "")
     assert run(CALL) == (["11.0", "0"], "")

@@ -8,13 +8,13 @@ from pathlib import Path
 
 import pytest
 from commands import rattle, study
+from studies import CELLS_FOLDER, LOG_FILE, obtain_all
 from test_faults_commands import WRITERS
 
-from rattle.compare.engine.run import CELLS_FOLDER, LOG_FILE, obtain_all
-from rattle.compare.study.figures import STUDY_FIGURES
 from rattle.scene import OutputError
 
 TEXT = study(paths=64)
+COMMITTED = Path(__file__).parents[2] / "reports"
 THEIRS = {
     "study.toml": study(title="their own"),
     "errors.parquet": "precious",
@@ -26,21 +26,6 @@ THEIRS = {
     "figures/errors.svg": "<svg/>",
     "validity.csv": "a,b\n",
 }
-
-
-@pytest.fixture(autouse=True)
-def work(monkeypatch):
-    """No command gets so far that it simulates; a study that may is drawn soon."""
-    monkeypatch.setattr(
-        "rattle.compare.study.impacts_page.STUDY_FIGURES", dict([*STUDY_FIGURES.items()][:1])
-    )
-
-
-@pytest.fixture
-def no_work(monkeypatch):
-    monkeypatch.setattr(
-        "rattle.montecarlo.kernel.blocks.run", lambda *_: pytest.fail("paths were followed")
-    )
 
 
 def place(folder, name, text):
@@ -65,8 +50,8 @@ def file(tmp_path):
 def test_a_study_replaces_nothing_of_others(file, tmp_path, name):
     place(out := tmp_path / "p", name, THEIRS[name])
     before = everything(out)
-    for words in ([], ["--overwrite"]):
-        said = rattle("study", file, "--out", out, *words, code=2).stderr
+    for option in ("", "--overwrite"):
+        said = rattle(f"study {file} --out {out} {option}", code=2).stderr
         assert name.split("/")[-1] in said or name.split("/")[0] in said
         assert "choose another" in said
         assert everything(out) == before
@@ -77,33 +62,32 @@ def test_a_study_leaves_what_it_does_not_write_and_continues_its_own(file, tmp_p
     a value added."""
     place(out := tmp_path / "p", "notes.txt", "mine")
     own = shutil.copy(file, out / "study.toml")
-    rattle("study", own, "--out", out)
+    rattle(f"study {own} --out {out}")
     (out / "manifest.json").unlink()
-    assert "0 results computed" in rattle("study", own, "--out", out).stderr
-    assert "page is up to date" in rattle("study", own, "--out", out).stderr
+    assert "0 results computed" in rattle(f"study {own} --out {out}").stderr
+    assert "page is up to date" in rattle(f"study {own} --out {out}").stderr
     file.write_text(study(paths=64, sigma=(0.1, 0.2)))
-    assert "4 stored" in rattle("study", file, "--out", out).stderr
+    assert "4 stored" in rattle(f"study {file} --out {out}").stderr
     assert (out / "notes.txt").read_text() == "mine"
 
 
 def test_another_study_replaces_the_tables_of_the_first_only_if_asked_to(file, tmp_path):
-    rattle("study", file)
+    rattle(f"study {file}")
     before = everything(out := tmp_path / "noise")
-    (tmp_path / "other.toml").write_text(study(title="other", sigma=(0.3,), paths=64))
-    said = rattle("study", tmp_path / "other.toml", "--out", out, code=2).stderr
-    assert (
-        "holds another study (small); choose another folder, or overwrite it (--overwrite)" in said
-    )
+    other = tmp_path / "other.toml"
+    other.write_text(study(title="other", sigma=(0.3,), paths=64))
+    said = rattle(f"study {other} --out {out}", code=2).stderr
+    remedy = "choose another folder, or overwrite it (--overwrite)"
+    assert f"holds another study (small); {remedy}" in said
     assert everything(out) == before
-    rattle("study", tmp_path / "other.toml", "--out", out, "--overwrite")
+    rattle(f"study {other} --out {out} --overwrite")
     assert json.loads((out / "manifest.json").read_text())["title"] == "other"
 
 
 def test_a_study_into_the_report_of_another_command(file, tmp_path):
-    report = Path(__file__).parents[2] / "reports" / "chaos"
-    shutil.copytree(report, out := tmp_path / "chaos")
+    shutil.copytree(COMMITTED / "chaos", out := tmp_path / "chaos")
     before = everything(out)
-    assert "manifest.json" in rattle("study", file, "--out", out, code=2).stderr
+    assert "manifest.json" in rattle(f"study {file} --out {out}", code=2).stderr
     assert everything(out) == before
 
 
@@ -117,16 +101,17 @@ def test_a_report_replaces_nothing_of_others(command, name, tmp_path):
     """Not even with --overwrite: alone in the folder, or beside an earlier report."""
     place(out := tmp_path / "out", name, '{"my": 1}')
     before = everything(out)
-    words = [command, *WRITERS[command], "--out", out, "--overwrite"]
-    assert "holds other things" in rattle(*words, code=2).stderr
+    words = f"{command} --overwrite {WRITERS[command]} {out}"
+    assert "holds other things" in rattle(words, code=2).stderr
     assert everything(out) == before
     if not name.endswith(".json"):
-        shutil.copytree(
-            Path(__file__).parents[2] / "reports" / REPORTS[command], out, dirs_exist_ok=True
-        )
+        shutil.copytree(COMMITTED / REPORTS[command], out, dirs_exist_ok=True)
         before = everything(out)
-        assert f"holds other things ({name.split('/')[0]}" in rattle(*words, code=2).stderr
+        assert f"holds other things ({name.split('/')[0]}" in rattle(words, code=2).stderr
         assert everything(out) == before
+
+
+SIMULATE = "simulate --paths 64 --impacts 1 --out"
 
 
 @pytest.mark.usefixtures("no_work")
@@ -144,7 +129,7 @@ def test_the_table_of_simulate_replaces_nothing_of_others(what, tmp_path):
     }
     make[what]()
     kind = out.lstat()
-    rattle("simulate", "--paths", "64", "--impacts", "1", "--out", out, code=2)
+    rattle(f"{SIMULATE} {out}", code=2)
     assert out.lstat() == kind
     assert (tmp_path / "theirs").read_text() == "time,impact\n"
 
@@ -152,7 +137,7 @@ def test_the_table_of_simulate_replaces_nothing_of_others(what, tmp_path):
 def test_the_table_of_simulate_replaces_its_own(tmp_path):
     (out := tmp_path / "out.csv").touch()
     for _ in range(2):
-        rattle("simulate", "--paths", "64", "--impacts", "1", "--out", out)
+        rattle(f"{SIMULATE} {out}")
         assert out.read_text().startswith("impact,tau")
 
 
@@ -160,7 +145,7 @@ def test_the_table_of_simulate_replaces_its_own(tmp_path):
 @pytest.mark.parametrize("name", [LOG_FILE, f"{CELLS_FOLDER}/mine"])
 def test_a_command_keeps_no_cells_among_files_of_others(name, tmp_path):
     place(tmp_path / "out-cells", name, "theirs")
-    said = rattle("chaos", "--no-sweep", "--out", tmp_path / "out", code=2).stderr
+    said = rattle(f"chaos --no-sweep --out {tmp_path / 'out'}", code=2).stderr
     assert "is not a log of rattle" in said or "holds other things (mine)" in said
     assert everything(tmp_path) == {f"out-cells/{name}": b"theirs"}
 

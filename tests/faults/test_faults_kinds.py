@@ -4,15 +4,14 @@ import os
 import shutil
 import socket
 import threading
+from contextlib import chdir
 
 import pytest
 from commands import rattle, study
+from studies import CELLS_FOLDER, LOG_FILE, Runner, Store, run
 
 from rattle import Study, load_study
-from rattle.compare.engine.run import CELLS_FOLDER, LOG_FILE, Runner, run
-from rattle.compare.engine.store import Store
 from rattle.compare.report.manifest import read_settings
-from rattle.compare.study.figures import STUDY_FIGURES
 from rattle.compare.study.folder import is_current
 from rattle.scene import FileError, OutputError, Scene
 from rattle.scene import files as module
@@ -26,8 +25,9 @@ def make_sparse(path):
 
 
 def make_socket(path):
-    with socket.socket(socket.AF_UNIX) as bound:
-        bound.bind(str(path))
+    """From its own folder, for the path of a socket may not be long."""
+    with chdir(path.parent), socket.socket(socket.AF_UNIX) as bound:
+        bound.bind(path.name)
 
 
 ENDLESS = {
@@ -44,29 +44,26 @@ def wanted():
     return Study.from_toml(study())
 
 
+@pytest.fixture
+def store(tmp_path):
+    return Store(tmp_path / CELLS_FOLDER)
+
+
 @pytest.fixture(scope="module")
 def once(tmp_path_factory):
     file = tmp_path_factory.mktemp("s") / "s.toml"
     file.write_text(study())
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(
-            "rattle.compare.study.impacts_page.STUDY_FIGURES", dict([*STUDY_FIGURES.items()][:1])
-        )
-        rattle("study", file)
+    rattle(f"study {file}")
     return file.with_suffix("")
 
 
 @pytest.mark.parametrize("kind", ENDLESS)
-def test_such_a_cell_or_lock_is_replaced(kind, wanted, tmp_path, monkeypatch):
+def test_such_a_cell_is_replaced(kind, wanted, store):
     """As a damaged cell is; it does not count as stored."""
-    monkeypatch.chdir(tmp_path)  # the path of a socket may not be long
-    store = Store(tmp_path / CELLS_FOLDER)
     run(wanted.cells, store, Runner(1))
     first, second = wanted.cells
     store.path(first).unlink()
-    ENDLESS[kind](
-        store.path(first).relative_to(tmp_path) if kind == "socket" else store.path(first)
-    )
+    ENDLESS[kind](store.path(first))
     assert store.missing(wanted.cells) == ([] if kind == "sparse" else [first])
     assert run(wanted.cells, store, Runner(1)).computed == 1
     assert store.path(first).is_file()
@@ -74,20 +71,16 @@ def test_such_a_cell_or_lock_is_replaced(kind, wanted, tmp_path, monkeypatch):
     assert store.read(second) is not None
 
 
-def test_a_folder_in_place_of_a_cell_is_refused_before_any_work(wanted, tmp_path, monkeypatch):
-    store = Store(tmp_path / CELLS_FOLDER)
+@pytest.mark.usefixtures("no_work")
+def test_a_folder_in_place_of_a_cell_is_refused_before_any_work(wanted, store):
     store.path(wanted.cells[-1]).mkdir()
-    monkeypatch.setattr(
-        "rattle.montecarlo.kernel.blocks.run", lambda *_: pytest.fail("paths were followed")
-    )
     with pytest.raises(OutputError, match="is a folder in place of a result; remove it"):
         run(wanted.cells, store, Runner(1))
 
 
 @pytest.mark.parametrize("kind", ["pipe", "zero"])
-def test_such_a_lock_is_not_waited_for(kind, wanted, tmp_path):
+def test_such_a_lock_is_not_waited_for(kind, wanted, store):
     """The name of its holder is read from a regular file only."""
-    store = Store(tmp_path / CELLS_FOLDER)
     lock = store.folder / "locks" / wanted.cells[0].key
     ENDLESS[kind](lock)
     if kind == "pipe":
@@ -97,29 +90,22 @@ def test_such_a_lock_is_not_waited_for(kind, wanted, tmp_path):
             store.obtain(wanted.cells[0])
 
 
+@pytest.mark.usefixtures("no_work")
 @pytest.mark.parametrize("kind", ENDLESS)
-def test_such_a_log_is_refused_before_any_work(kind, wanted, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    ENDLESS[kind](
-        tmp_path / LOG_FILE if kind != "socket" else (tmp_path / LOG_FILE).relative_to(tmp_path)
-    )
-    monkeypatch.setattr(
-        "rattle.montecarlo.kernel.blocks.run", lambda *_: pytest.fail("paths were followed")
-    )
-    with pytest.raises(
-        OutputError, match=r"study.log': exists and is not|study.log': .*choose another place"
-    ):
-        run(wanted.cells, Store(tmp_path / CELLS_FOLDER), Runner(1))
+def test_such_a_log_is_refused_before_any_work(kind, wanted, store, tmp_path):
+    ENDLESS[kind](tmp_path / LOG_FILE)
+    said = r"study.log': exists and is not|study.log': .*choose another place"
+    with pytest.raises(OutputError, match=said):
+        run(wanted.cells, store, Runner(1))
 
 
 @pytest.mark.parametrize("kind", ENDLESS)
 @pytest.mark.parametrize("name", ["manifest.json", "errors.parquet", "study.md"])
-def test_such_a_file_of_a_finished_study_is_damaged(kind, name, once, tmp_path, monkeypatch):
+def test_such_a_file_of_a_finished_study_is_damaged(kind, name, once, wanted, tmp_path):
     shutil.copytree(once, folder := tmp_path / "s")
-    monkeypatch.chdir(folder)
     (folder / name).unlink()
-    ENDLESS[kind]((folder / name).relative_to(folder) if kind == "socket" else folder / name)
-    assert is_current(Study.from_toml(study()), folder) is None
+    ENDLESS[kind](folder / name)
+    assert is_current(wanted, folder) is None
     if name != "study.md":
         with pytest.raises(FileError, match=r"holds no finished study|is damaged"):
             load_study(folder)
@@ -128,12 +114,10 @@ def test_such_a_file_of_a_finished_study_is_damaged(kind, name, once, tmp_path, 
 @pytest.mark.parametrize("kind", ENDLESS)
 @pytest.mark.parametrize("reader", [Scene.load, Study.load, read_settings])
 def test_such_a_file_that_a_user_names(kind, reader, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(module, "PIPE_PATIENCE", 0.05)
     monkeypatch.setattr(module, "MOST_BYTES", 2**20)
-    ENDLESS[kind](
-        path := (tmp_path / "file").relative_to(tmp_path) if kind == "socket" else tmp_path / "file"
-    )
+    path = tmp_path / "file"
+    ENDLESS[kind](path)
     with pytest.raises(FileError, match=r"cannot be read \(|has more than"):
         reader(path)
 

@@ -7,12 +7,10 @@ import subprocess
 import pytest
 from commands import rattle, study
 from small_disks import disk
+from studies import CELLS_FOLDER, Runner, Store, run
 
 from rattle import Study, load_study
-from rattle.compare.engine.run import CELLS_FOLDER, Runner, run
-from rattle.compare.engine.store import Store
 from rattle.compare.report.save import MANIFEST
-from rattle.compare.study.figures import STUDY_FIGURES
 from rattle.compare.study.folder import is_current
 from rattle.scene import FileError, OutputError
 
@@ -25,22 +23,12 @@ def file(tmp_path):
     return tmp_path / "noise.toml"
 
 
-@pytest.fixture(scope="module", autouse=True)
-def few_figures():
-    """Draw one figure instead of seven, as drawing takes most of a small study's time."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(
-            "rattle.compare.study.impacts_page.STUDY_FIGURES", dict([*STUDY_FIGURES.items()][:1])
-        )
-        yield
-
-
 @pytest.fixture(scope="module")
 def once(tmp_path_factory):
     """A finished study, to be copied."""
     file = tmp_path_factory.mktemp("once") / "noise.toml"
     file.write_text(TEXT)
-    rattle("study", file)
+    rattle(f"study {file}")
     return file.with_suffix("")
 
 
@@ -66,7 +54,7 @@ def test_a_disk_that_fills_while_the_page_is_written(file, tmp_path):
     """All cells are kept, no file of the page is half written, and with free space the command need
     not recompute."""
     with disk(tmp_path / "disk", "250k") as place:
-        found = rattle("study", file, "--out", place / "noise", code=2)
+        found = rattle(f"study {file} --out {place / 'noise'}", code=2)
         assert "all results stored: make room and repeat the command" in found.output
         assert len(list((place / "noise" / CELLS_FOLDER).glob("*.parquet"))) == 4
         assert not (place / "noise" / MANIFEST).exists()
@@ -74,9 +62,8 @@ def test_a_disk_that_fills_while_the_page_is_written(file, tmp_path):
         with pytest.raises(FileError, match="holds no finished study"):
             load_study(place / "noise")
         subprocess.run(["mount", "-o", "remount,size=20m", place], check=True)
-        assert (
-            "0 results computed, 4 stored" in rattle("study", file, "--out", place / "noise").output
-        )
+        said = rattle(f"study {file} --out {place / 'noise'}").output
+        assert "0 results computed, 4 stored" in said
         assert len(load_study(place / "noise").errors) == 2 * 2 * 2 * 4
 
 
@@ -103,6 +90,6 @@ def test_a_damaged_page_is_seen(file, finished, name, damage):
 def test_a_damaged_page_is_written_again_from_its_cells(file, finished):
     whole = (finished / "errors.parquet").read_bytes()
     (finished / "errors.parquet").write_bytes(whole[:-20])
-    assert "0 results computed, 4 stored" in rattle("study", file).output
+    assert "0 results computed, 4 stored" in rattle(f"study {file}").output
     assert (finished / "errors.parquet").read_bytes() == whole
-    assert "All 4 results are stored" in rattle("study", file).output
+    assert "All 4 results are stored" in rattle(f"study {file}").output

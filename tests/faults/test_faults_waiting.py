@@ -9,10 +9,9 @@ from contextlib import contextmanager
 
 import pytest
 from commands import study
+from studies import Runner, Store, run
 
 from rattle import Study
-from rattle.compare.engine.run import Runner, run
-from rattle.compare.engine.store import Store
 
 CELLS = Study.from_toml(study(paths=1024)).cells
 HOLD = """

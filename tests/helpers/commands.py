@@ -1,6 +1,7 @@
 """The command line as a user types it, and studies that are soon computed."""
 
 import json
+import shlex
 from collections.abc import Iterator
 
 import click
@@ -45,12 +46,13 @@ def study(
     )
 
 
-def rattle(*words, code=0, **settings):
-    """Run a command, which ends with this exit code and no traceback."""
-    found = CliRunner().invoke(main, [str(word) for word in words], **settings)
-    assert found.exit_code == code, found.output
-    assert "Traceback" not in found.output
-    return found
+def rattle(line, *words, code=0, **settings):
+    """Run a command as it is typed, with further words that may hold spaces; it ends with this
+    exit code and no traceback."""
+    done = CliRunner().invoke(main, [*shlex.split(line), *map(str, words)], **settings)
+    assert done.exit_code == code, done.output
+    assert "Traceback" not in done.output
+    return done
 
 
 def strict(text):

@@ -10,18 +10,11 @@ import time
 from pathlib import Path
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
-OPTIONS = [
-    "--headless",
-    "--no-sandbox",
-    "--disable-gpu",
-    "--no-first-run",
-    "--disable-background-networking",
-    "--disable-component-update",
-    "--disable-sync",
-    "--disable-dev-shm-usage",
-    "--hide-scrollbars",
-    "--remote-debugging-pipe",
-]
+OPTIONS = (
+    "--headless --no-sandbox --disable-gpu --no-first-run --disable-background-networking"
+    " --disable-component-update --disable-sync --disable-dev-shm-usage --hide-scrollbars"
+    " --remote-debugging-pipe"
+)
 
 
 class Browser:
@@ -33,17 +26,9 @@ class Browser:
         # Chromium reads from descriptor 3 and writes to 4; those of the pipes are first put out of
         # their way
         shell = f'exec 13<&{command_in} 14>&{answer_out}; exec 3<&13 4>&14 13<&- 14>&-; exec "$@"'
+        words = [CHROMIUM, *OPTIONS.split(), f"--user-data-dir={home}", "about:blank"]
         self._process = subprocess.Popen(
-            [
-                "bash",
-                "-c",
-                shell,
-                "chromium",
-                CHROMIUM,
-                *OPTIONS,
-                f"--user-data-dir={home}",
-                "about:blank",
-            ],
+            ["bash", "-c", shell, "chromium", *words],
             pass_fds=(command_in, answer_out),
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
@@ -54,9 +39,8 @@ class Browser:
         self._read = b""
         self.events = []
         target = self._send("Target.createTarget", url="about:blank")["targetId"]
-        self._session = self._send("Target.attachToTarget", targetId=target, flatten=True)[
-            "sessionId"
-        ]
+        attached = self._send("Target.attachToTarget", targetId=target, flatten=True)
+        self._session = attached["sessionId"]
         for domain in ("Page", "Runtime", "Log", "Network"):
             self.call(f"{domain}.enable")
 
@@ -72,10 +56,9 @@ class Browser:
     def _send(self, method, session=None, **params):
         self._number += 1
         message = {"id": self._number, "method": method, "params": params}
-        os.write(
-            self._out,
-            json.dumps(message | ({"sessionId": session} if session else {})).encode() + b"\0",
-        )
+        if session:
+            message["sessionId"] = session
+        os.write(self._out, json.dumps(message).encode() + b"\0")
         while (answer := self._next()).get("id") != self._number:
             self.events.append(answer)
         assert "error" not in answer, answer
@@ -99,8 +82,26 @@ class Browser:
         features = [{"name": "prefers-color-scheme", "value": scheme}]
         self.call("Emulation.setEmulatedMedia", media=medium, features=features)
         self.call("Page.navigate", url=Path(path).resolve().as_uri())
+        self.wait_for_load()
+
+    def reload(self):
+        """Open the file again."""
+        self.events.clear()
+        self.call("Page.reload")
+        self.wait_for_load()
+
+    def wait_for_load(self):
+        """Wait until a page has been loaded."""
         while not any(event["method"] == "Page.loadEventFired" for event in self.events):
             self.events.append(self._next())
+
+    def fits(self):
+        """Whether the page is as wide as the window, and every picture is shown and described."""
+        return self.run(
+            "document.documentElement.scrollWidth <= document.documentElement.clientWidth"
+            " && [...document.images].every(i => !i.src || (i.complete && i.naturalWidth > 0))"
+            " && [...document.querySelectorAll('figure img')].every(i => i.alt.trim().length > 0)"
+        )
 
     def complaints(self):
         """What the page has logged and thrown, and the addresses it has asked for besides its

@@ -5,9 +5,40 @@ from pathlib import Path
 
 from jinja2 import ChoiceLoader, FileSystemLoader
 
+from rattle.compare.cli.terminal import read_sections
 from rattle.compare.report import render
+from rattle.compare.report.folder import linked_files, report_files
+from rattle.compare.report.render import Terms, as_html, html, markdown, split_code, write_page
 from rattle.compare.report.report import Report
-from rattle.compare.report.table import Table, TableCell, of_numbers
+from rattle.compare.report.style import STYLE
+from rattle.compare.report.table import SIGNS_OF_MARKS, Table, TableCell, leading_number, of_numbers
+from rattle.compare.report.texts import CLOSURE_TERMS, SECTION_TERMS, VERDICT_TERMS, glossary
+
+__all__ = [
+    "CLOSURE_TERMS",
+    "NASTY",
+    "RECORD",
+    "SECTION_TERMS",
+    "SIGNS_OF_MARKS",
+    "STYLE",
+    "VERDICT_TERMS",
+    "Report",
+    "Table",
+    "Terms",
+    "as_html",
+    "figures",
+    "glossary",
+    "html",
+    "leading_number",
+    "linked_files",
+    "markdown",
+    "of_numbers",
+    "read_sections",
+    "report_files",
+    "sample",
+    "split_code",
+    "write_page",
+]
 
 render.LOADER = ChoiceLoader([render.LOADER, FileSystemLoader(Path(__file__).parent)])
 

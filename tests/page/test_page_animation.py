@@ -3,9 +3,7 @@ motion."""
 
 import pytest
 
-from rattle.compare.animation.page import write_animation
-from rattle.compare.animation.record import record
-from rattle.scene import DAT21, Scene
+from rattle import DAT21, Scene, animate
 
 SHOWN = (
     "paths.map(p => p.flashes.map(f => f.style.visibility === 'visible' ? Number(f.dataset.impact)"
@@ -22,15 +20,19 @@ OVERLAPS = """(() => {
 
 
 @pytest.fixture(scope="module")
-def shown():
-    return record(Scene.from_gears(DAT21, sigma=0.1), impacts=24, seed=1)
+def drawn():
+    scene = Scene.from_gears(DAT21, sigma=0.1)
+    return animate(scene, impacts=24, rng=1, name="<b>DAT21</b>" + "long" * 60)
 
 
 @pytest.fixture(scope="module")
-def page(shown, tmp_path_factory):
-    out = tmp_path_factory.mktemp("page") / "animation.html"
-    write_animation(out, shown, "<b>DAT21</b>" + "long" * 60)
-    return out
+def shown(drawn):
+    return drawn.recording
+
+
+@pytest.fixture(scope="module")
+def page(drawn, tmp_path_factory):
+    return drawn.save(tmp_path_factory.mktemp("page") / "animation.html")
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
@@ -93,10 +95,7 @@ def test_reduced_motion(browser, page):
     browser.open(page)
     calm = [{"name": "prefers-reduced-motion", "value": "reduce"}]
     browser.call("Emulation.setEmulatedMedia", media="screen", features=calm)
-    browser.events.clear()
-    browser.call("Page.reload")
-    while not any(event["method"] == "Page.loadEventFired" for event in browser.events):
-        browser.events.append(browser._next())
+    browser.reload()
     assert browser.run("new Promise(done => setTimeout(() => done([running, now]), 300))") == [
         False,
         0,

@@ -1,17 +1,23 @@
 """A page on the terminal, read from its Markdown."""
 
-from functools import partial
-
 import pytest
 from commands import rattle
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
-from sample_page import NASTY, figures, sample
-
-from rattle.compare.cli.terminal import read_sections
-from rattle.compare.report.folder import linked_files, report_files
-from rattle.compare.report.render import markdown, split_code, write_page
-from rattle.compare.report.table import Table, leading_number, of_numbers
+from sample_page import (
+    NASTY,
+    Table,
+    figures,
+    leading_number,
+    linked_files,
+    markdown,
+    of_numbers,
+    read_sections,
+    report_files,
+    sample,
+    split_code,
+    write_page,
+)
 
 
 def bare(text):
@@ -46,15 +52,12 @@ def test_numbers_of_cells():
     assert [row[1].text for row in table.rows] == ["0.25", "–", "inf", "1,200", "1e+300"]
     assert [row[1].value for row in table.rows] == [0.25, None, None, 1200.0, 1e300]
     assert [row[0].value for row in table.rows] == [None] * 5
-    assert [leading_number(t) for t in ("below 0.5", "+3e-4 ✓", "0.001 – 2", "no")] == [
-        0.5,
-        3e-4,
-        0.001,
-        None,
-    ]
+    texts = {"below 0.5": 0.5, "+3e-4 ✓": 3e-4, "0.001 – 2": 0.001, "no": None}
+    assert {text: leading_number(text) for text in texts} == texts
 
 
-show = partial(rattle, "show")
+def show(path, words="", **settings):
+    return rattle(f"show {path} {words}", **settings)
 
 
 @pytest.fixture(scope="module")
@@ -77,32 +80,26 @@ def test_shows_the_answer_first_and_what_repeats_it_last(report):
     assert sorted(order, key=shown.index) == order
     assert "\x1b" not in shown
     assert show(report / "report.md").stdout == shown
-
-
-def test_colours_only_where_they_are_seen(report):
     assert "\x1b[32m" in show(report, color=True).output
     assert "\x1b" not in show(report, color=True, env={"NO_COLOR": "1"}).output
 
 
-def test_one_section(report):
-    shown = show(report, "--section", "inner", "--width", 400).stdout
+def test_one_section_in_a_width(report):
+    shown = show(report, "--section inner --width 60").stdout
     assert shown.startswith("Inner")
     assert "Yes:" not in shown
-    missing = show(report, "--section", "Iner", code=2)
-    assert "did you mean 'Inner'" in missing.stderr
+    assert max(map(len, shown.splitlines())) <= 60
 
 
-def test_width(report):
-    assert (
-        max(map(len, show(report, "--width", 60, "--section", "inner").stdout.splitlines())) <= 60
-    )
-    assert "width = 3: must be at least 20" in show(report, "--width", 3, code=2).stderr
-
-
-def test_what_is_no_report(tmp_path):
+def test_what_cannot_be_shown(report, tmp_path):
     (tmp_path / "notes.md").write_text("mine")
-    assert "holds no page" in show(tmp_path, code=2).stderr
-    assert "cannot be read" in show(tmp_path / "nowhere", code=2).stderr
-    assert show(tmp_path / "notes.md").stdout.strip() == "mine"
     (tmp_path / "empty.md").touch()
+    for path, words, message in (
+        (report, "--section Iner", "did you mean 'Inner'"),
+        (report, "--width 3", "width = 3: must be at least 20"),
+        (tmp_path, "", "holds no page"),
+        (tmp_path / "nowhere", "", "cannot be read"),
+    ):
+        assert message in show(path, words, code=2).stderr
+    assert show(tmp_path / "notes.md").stdout.strip() == "mine"
     assert show(tmp_path / "empty.md").stdout.strip() == ""

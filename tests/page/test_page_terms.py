@@ -5,12 +5,19 @@ import re
 
 import pytest
 from markupsafe import Markup, escape
-from sample_page import RECORD
-
-from rattle.compare.report.render import Terms, as_html, write_page
-from rattle.compare.report.report import Report
-from rattle.compare.report.table import Table, of_numbers
-from rattle.compare.report.texts import CLOSURE_TERMS, SECTION_TERMS, VERDICT_TERMS, glossary
+from sample_page import (
+    CLOSURE_TERMS,
+    RECORD,
+    SECTION_TERMS,
+    VERDICT_TERMS,
+    Report,
+    Table,
+    Terms,
+    as_html,
+    glossary,
+    of_numbers,
+    write_page,
+)
 
 GLOSSARY = (
     ("`published`", "as printed"),

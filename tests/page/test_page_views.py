@@ -8,11 +8,8 @@ import click
 import pytest
 from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
-from sample_page import NASTY, figures, sample
+from sample_page import NASTY, SIGNS_OF_MARKS, figures, html, markdown, read_sections, sample
 
-from rattle.compare.cli.terminal import read_sections
-from rattle.compare.report.render import html, markdown
-from rattle.compare.report.table import SIGNS_OF_MARKS
 from rattle.scene.text import line
 
 
@@ -122,21 +119,6 @@ def test_html_asks_nothing_of_the_network_and_describes_every_figure(tmp_path):
     assert len(read.alts) == len([tag for tag in read.tags if tag[0] == "figure"]) == 2
 
 
-def test_advice_key_figure_and_table_stand_before_the_other_sentences(tmp_path):
-    order = (
-        "Yes: a plain text.",
-        "A point.",
-        "noise intensity",
-        "It holds up to",
-        "First a plain text",
-    )
-    folder = figures(tmp_path)
-    for shown in (Read(html(sample(), folder)).text, bare(markdown(sample(), folder))):
-        assert sorted(
-            order, key=lambda words: shown.rindex(words) if "First" in words else shown.index(words)
-        ) == list(order)
-
-
 def test_tables_beside_a_page_are_links_and_nothing_else_is(tmp_path):
     folder = figures(tmp_path)
     for name in ("rows.csv", "a b.csv", "x&y.csv", "notes.txt"):
@@ -156,20 +138,6 @@ def test_links_of_the_contents_lead_somewhere(tmp_path):
     ids = re.findall(r'<(?!filter)[^<>]* id="([^"]+)"', text)
     assert links == ids
     assert len(set(ids)) == len(ids) == 4
-
-
-def test_markdown_has_the_same_lines_whatever_the_texts(drawn):
-    plain, nasty = (markdown(sample(t), drawn).splitlines() for t in ("a plain text", NASTY))
-    code = [i for i, row in enumerate(nasty) if row.startswith("x = '")]
-    nasty[code[0] : code[0] + 3] = ["x = ..."]  # the text has two line ends, which code keeps
-    assert len(plain) == len(nasty)
-    for one, other in zip(plain, nasty, strict=True):
-        assert len(re.findall(r"(?<!\\)\|", one)) == len(
-            re.findall(r"(?<!\\)\|", other)
-        ) or not one.startswith("|")
-        assert one[:2] == other[:2]
-        if not other.startswith(("x = ", "rattle ")):
-            assert not re.search(r"(?<!\\)<", re.sub(r"(?<!`)(`+)(?!`).*?(?<!`)\1(?!`)", "", other))
 
 
 @pytest.mark.parametrize("width", [20, 40, 80, 132])

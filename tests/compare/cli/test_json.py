@@ -19,41 +19,20 @@ SINGLE = (
     "[scene]\nalpha = 1.5\nepsilon = 0.9\nbeta1 = 0.08\ngamma1 = 0.05\nstages = 1\nsigma = 0.1\n"
 )
 SMALL = {
-    "validate": [
-        "--paths",
-        "64",
-        "--impacts",
-        "2",
-        "--dt",
-        "0.01",
-        "--no-validity",
-        "--sigma",
-        "0.1",
-        "--out",
-        "out",
-    ],
-    "simulate": ["scene.toml", "--paths", "64", "--impacts", "2", "--dt", "0.01"],
-    "order": ["--impacts", "1", "--paths", "64"],
-    "check speed": [],
-    "study": ["study.toml"],
-    "check published": ["--result", "bouncing-ball"],
-    "check extremes": [],
-    "drive": [str(ROOT / "examples" / "measured-drive.toml"), "--out", "out"],
-    "boundary": ["--impacts", "1", "--points", "2", "--width", "0.9", "--out", "out"],
-    "sensitivity": [
-        "scene.toml",
-        "--parameter",
-        "epsilon",
-        "--quantity",
-        "power",
-        "--accuracy",
-        "1",
-        "--out",
-        "out",
-    ],
-    "stationary": ["scene.toml", "--paths", "64", "--periods", "64", "--out", "out"],
+    "validate": "--paths 64 --impacts 2 --dt 0.01 --no-validity --sigma 0.1 --out out",
+    "simulate": "scene.toml --paths 64 --impacts 2 --dt 0.01",
+    "order": "--impacts 1 --paths 64",
+    "check speed": "",
+    "study": "study.toml",
+    "check published": "--result bouncing-ball",
+    "check extremes": "",
+    "drive": f"{ROOT / 'examples' / 'measured-drive.toml'} --out out",
+    "boundary": "--impacts 1 --points 2 --width 0.9 --out out",
+    "sensitivity": "scene.toml --parameter epsilon --quantity power --accuracy 1 --out out",
+    "stationary": "scene.toml --paths 64 --periods 64 --out out",
 }
 """A small run of each command that has ``--json``."""
+WITH_JSON = [name for name, made in commands() if any("--json" in p.opts for p in made.params)]
 
 
 def test_the_parser_of_these_tests_is_strict():
@@ -63,10 +42,8 @@ def test_the_parser_of_these_tests_is_strict():
     assert strict('{"a": null}') == {"a": None}
 
 
-@pytest.mark.parametrize(
-    "command",
-    [name for name, command in commands() if any("--json" in p.opts for p in command.params)],
-)
+@pytest.mark.usefixtures("undrawn")
+@pytest.mark.parametrize("command", WITH_JSON)
 def test_every_command_prints_strict_json_and_writes_it(command, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "study.toml").write_text(study("σ \\u202e\\u009b", sigma=(0.0, 0.1)))
@@ -75,13 +52,10 @@ def test_every_command_prints_strict_json_and_writes_it(command, tmp_path, monke
     about = {"name": "lost", "quantity": "β", "statement": "", "reference": ""}
     rows = {"lost": extreme(lambda: [math.inf], allowed=1.0, **about)}
     monkeypatch.setattr(extremes, "EXTREMES", rows)  # all of them take a minute
-    monkeypatch.setattr(
-        "rattle.montecarlo.bench.bench",
-        lambda: pd.DataFrame({"ns": [1.5, np.nan]}, index=["a", "b"]),
-    )
+    speeds = pd.DataFrame({"ns": [1.5, np.nan]}, index=["a", "b"])
+    monkeypatch.setattr("rattle.montecarlo.bench.bench", lambda: speeds)
     code = 1 if command == "check extremes" else 0
-    found = rattle(*command.split(), *SMALL[command], "--json", code=code)
-    assert strict(found.stdout)
+    assert strict(rattle(f"{command} {SMALL[command]} --json", code=code).stdout)
     for path in tmp_path.rglob("*.json"):
         strict(path.read_text(encoding="utf-8"))
 
@@ -110,11 +84,6 @@ def test_what_is_no_number_is_null_and_what_is_numpys_is_plain():
     }
     assert said == plain(data)
     assert strict(json_text(0.1 + 0.2)) == 0.1 + 0.2
-
-
-def test_what_has_no_form_in_json_is_refused():
-    with pytest.raises(TypeError, match="not JSON serializable"):
-        json_text({"a": object()})
 
 
 def test_a_sealed_record_is_whole_after_it_was_written_whatever_is_in_it():

@@ -1,7 +1,8 @@
-"""Results show themselves in a few lines, draw and report themselves, and come in physical
-units."""
+"""Results show themselves in a few lines, draw and report themselves, and come in physical units
+and as datasets."""
 
 import json
+import pickle
 from functools import partial
 from importlib.metadata import version
 
@@ -14,41 +15,61 @@ from matplotlib.figure import Figure
 from nbclient import NotebookClient
 
 import rattle as rt
-from rattle import validate
-from rattle.closure import mean_map
-from rattle.montecarlo import Record, simulate
-from rattle.scene import DAT21, InputError, Scene
+from rattle.closure import CLOSURES
+from rattle.scene import OutputError
 
-SCENE = Scene.from_gears(DAT21, sigma=0.1)
-PLAIN = Scene(alpha=1.5, epsilon=0.9, beta1=0.1, gamma1=0.05, mu=0.5, sigma=0.1)
-
-
-@pytest.fixture(scope="module")
-def validation():
-    return validate(SCENE, impacts=2, closures=["published", "saltation"], paths=2000, rng=7)
+SCENE = rt.Scene.from_gears(rt.DAT21, sigma=0.1)
+PLAIN = rt.Scene(alpha=1.5, epsilon=0.9, beta1=0.1, gamma1=0.05, mu=0.5, sigma=0.1)
+LONGEST = 700  # characters of a repr: a dozen lines in a notebook
 
 
 @pytest.fixture(scope="module")
-def run():
-    return simulate(SCENE, paths=256, impacts=3, rng=7, record=Record(energy=True))
+def results():
+    shared = {"impacts": 2, "paths": 500, "scheme": "exact-flight", "rng": 7}
+    closure = rt.mean_map(SCENE, impacts=12, closure="branching")
+    return {
+        "orbit": rt.follow(SCENE, 200),
+        "prediction": closure,
+        "run": rt.simulate(SCENE, **shared, record=rt.Record(energy=True)),
+        "validation": rt.validate(SCENE, closures=["published", "saltation"], **shared),
+        "long run": rt.stationary(SCENE, periods=64, paths=64, closures=["saltation"]),
+        "boundary": rt.boundary(SCENE, between=(0.01, 0.1), impacts=1, points=2),
+        "chaos": rt.chaos(SCENE, points=500, impacts=20_000, events=128, width=0.3),
+        "trace": closure.trace,
+        "edgeworth": rt.mean_map(SCENE, impacts=2, closure="corrected").edgeworth(1, 1),
+        "gears": rt.DAT21,
+        "scene": SCENE,
+        "reach": rt.simulate_to(SCENE, 0.1, impacts=2).reach,
+        "study": rt.Study.from_toml("[study]\nimpacts = 2\npaths = 1024\n" + SCENE.to_toml()),
+    }
 
 
-def test_every_repr_is_a_few_lines_and_its_html_has_a_table(validation, run):
-    for shown in (
-        validation,
-        run,
-        mean_map(SCENE, impacts=30, closure="published"),
-        mean_map(PLAIN, impacts=2),
-    ):
-        assert 2 <= len(repr(shown).splitlines()) <= 8
-        assert max(map(len, repr(shown).splitlines())) <= 300
-        assert "<table" in shown._repr_html_()
-    assert "seed 7" in repr(run)
-    assert "saltation: " in repr(validation)
+def test_every_result_has_a_short_repr_and_most_a_table(results):
+    assert {name for name, result in results.items() if len(repr(result)) > LONGEST} == set()
+    for name in ("orbit", "prediction", "run", "validation", "long run", "boundary", "chaos"):
+        assert "<table" in results[name]._repr_html_(), name
+        assert 2 <= len(repr(results[name]).splitlines()) <= 12
+    assert "seed 7" in repr(results["run"])
+    assert "saltation: " in repr(results["validation"])
 
 
-def test_sections_in_physical_units(run):
-    for made in (run, mean_map(SCENE, impacts=3)):
+def test_a_result_comes_back_from_its_pickle_as_from_another_process(results):
+    for name, result in results.items():
+        back = pickle.loads(pickle.dumps(result))
+        assert type(back) is type(result)
+        if " at 0x" not in repr(result):
+            assert repr(back) == repr(result), name
+        if hasattr(result, "section"):
+            assert back.section.equals(result.section)
+    for closure in CLOSURES:
+        prediction = rt.mean_map(SCENE, impacts=2, closure=closure)
+        back = pickle.loads(pickle.dumps(prediction))
+        assert back.at_times([0.3, 0.9]).equals(prediction.at_times([0.3, 0.9]))
+
+
+def test_sections_in_physical_units(results):
+    run = results["run"]
+    for made in (run, results["prediction"]):
         physical = made.section_in("physical")
         plain = made.section
         assert "energy_mJ" in physical or made is not run
@@ -59,70 +80,98 @@ def test_sections_in_physical_units(run):
         assert physical.index.name == "impact"
 
 
+FACTORS = {
+    "x1_mm": ("x1", 0.2),
+    "y2_mm_per_s": ("y2", 60.0),
+    "cov_x1_x2_mm2": ("cov_x1_x2", 0.04),
+    "cov_y1_x2_mm2_per_s": ("cov_y1_x2", 12.0),
+    "cov_y1_y2_mm2_per_s2": ("cov_y1_y2", 3600.0),
+    "rho1": ("rho1", 1.0),
+}
+
+
 def test_moments_at_fixed_times_in_physical_units():
-    run = simulate(
-        SCENE,
-        paths=256,
-        impacts=2,
-        rng=7,
-        scheme="euler-maruyama-located",
-        record=Record(times=[0.3, 0.6]),
+    record = rt.Record(times=[0.3, 0.6])
+    run = rt.simulate(
+        SCENE, paths=256, impacts=2, rng=7, scheme="euler-maruyama-located", record=record
     )
-    for made in (run, mean_map(SCENE, impacts=2)):
+    for made in (run, rt.mean_map(SCENE, impacts=2)):
         physical = made.at_times([0.3, 0.6], units="physical")
         plain = made.at_times([0.3, 0.6])
         np.testing.assert_allclose(physical.index, plain.index / 0.3)
         assert physical.index.name == "time_ms"
         assert len(physical.columns) == len(plain.columns)
-        np.testing.assert_allclose(physical["x1_mm"], 0.2 * plain["x1"])
-        np.testing.assert_allclose(physical["y2_mm_per_s"], 60.0 * plain["y2"])
-        np.testing.assert_allclose(physical["cov_x1_x2_mm2"], 0.04 * plain["cov_x1_x2"])
-        np.testing.assert_allclose(physical["cov_y1_x2_mm2_per_s"], 12.0 * plain["cov_y1_x2"])
-        np.testing.assert_allclose(physical["cov_y1_y2_mm2_per_s2"], 3600.0 * plain["cov_y1_y2"])
-        pd.testing.assert_series_equal(
-            physical["rho1"].reset_index(drop=True), plain["rho1"].reset_index(drop=True)
-        )
+        for name, (own, factor) in FACTORS.items():
+            np.testing.assert_allclose(physical[name], factor * plain[own])
         pd.testing.assert_frame_equal(made.at_times([0.3, 0.6], units="dimensionless"), plain)
-    np.testing.assert_allclose(
-        run.at_times(units="physical")["se_x1_mm"], 0.2 * run.at_times()["se_x1"]
-    )
+    physical = run.at_times(units="physical")
+    np.testing.assert_allclose(physical["se_x1_mm"], 0.2 * run.at_times()["se_x1"])
 
 
-@pytest.mark.parametrize("make", [mean_map, partial(simulate, paths=1)])
+@pytest.mark.parametrize("make", [rt.mean_map, partial(rt.simulate, paths=1)])
 def test_physical_units_need_gears(make):
-    with pytest.raises(InputError, match="was not made from gears"):
-        make(PLAIN, impacts=1).section_in("physical")
-    with pytest.raises(InputError, match="was not made from gears"):
-        make(PLAIN, impacts=1).at_times([], units="physical")
-    with pytest.raises(InputError, match="did you mean 'physical'"):
+    plain = make(PLAIN, impacts=1)
+    with pytest.raises(rt.InputError, match="was not made from gears"):
+        plain.section_in("physical")
+    with pytest.raises(rt.InputError, match="was not made from gears"):
+        plain.at_times([], units="physical")
+    with pytest.raises(rt.InputError, match="did you mean 'physical'"):
         make(SCENE, impacts=1).at_times([], units="phsical")
 
 
-def test_figures(validation, run):
-    assert all(
-        isinstance(validation.plot(kind), Figure) for kind in ("errors", "correlation", "section")
-    )
-    assert run.plot("y2", units="physical").axes[0].get_ylabel() == "y2 before the impact in mm/s"
-    with pytest.raises(InputError, match="did you mean 'errors'"):
-        validation.plot("error")
-    with pytest.raises(InputError, match="quantity = 'y3'"):
-        run.plot("y3")
+def test_figures(results):
+    for kind in ("errors", "correlation", "section"):
+        assert isinstance(results["validation"].plot(kind), Figure)
+    ax = results["run"].plot("y2", units="physical").axes[0]
+    assert ax.get_ylabel() == "y2 before the impact in mm/s"
+
+
+def test_what_cannot_be_drawn_is_said(results):
+    single = rt.Scene(alpha=0.25, epsilon=0.5, beta1=0.02, gamma1=0.0, stages=1)
+    for result, given, message in (
+        (results["validation"], ["error"], "did you mean 'errors'"),
+        (results["run"], ["y3"], "quantity = 'y3'"),
+        (rt.mean_map(single, impacts=1), ["y2"], "quantity = 'y2'"),
+        (rt.stationary(single), [], "exact"),
+        (results["long run"], ["memori"], "did you mean 'memory'"),
+    ):
+        with pytest.raises(rt.InputError, match=message):
+            result.plot(*given)
 
 
 @pytest.mark.usefixtures("undrawn")
-def test_a_report_of_a_validation_says_what_repeats_it(validation, tmp_path):
-    page = validation.report(tmp_path / "mine")
-    assert page.name == "report.html"
+@pytest.mark.parametrize(("name", "page"), [("validation", "report"), ("chaos", "chaos")])
+def test_a_report_from_python(results, name, page, tmp_path):
+    result = results[name]
+    written = result.report(tmp_path / "mine")
+    assert written.name == f"{page}.html"
+    assert written.is_file()
+    with pytest.raises(OutputError, match="mine"):
+        result.report(tmp_path / "mine")
+    result.report(tmp_path / "mine", overwrite=True)
+    (tmp_path / "file").write_text("")
+    with pytest.raises(OSError, match="is not a folder"):
+        result.report(tmp_path / "file", overwrite=True)
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_a_report_of_a_validation_says_what_repeats_it(results, tmp_path):
+    results["validation"].report(tmp_path / "mine")
     record = json.loads((tmp_path / "mine" / "manifest.json").read_text())
     assert record["settings"]["seed"] == 7
     assert record["repeat"].startswith("rattle validate --repeat")
-    assert len(pd.read_csv(tmp_path / "mine" / "table.csv")) == len(validation.table)
-    with pytest.raises(OSError, match="mine"):
-        validation.report(tmp_path / "mine")
-    validation.report(tmp_path / "mine", overwrite=True)
-    (tmp_path / "file").write_text("")
-    with pytest.raises(OSError, match="is not a folder"):
-        validation.report(tmp_path / "file", overwrite=True)
+    table = pd.read_csv(tmp_path / "mine" / "table.csv")
+    assert len(table) == len(results["validation"].table)
+
+
+def test_chaos_says_what_it_found_and_refuses_before_any_work(results):
+    assert "chaotically" in results["chaos"].answer[0]
+    assert "exponents" in results["chaos"].tables
+    which = "did you mean 'backlash1' or 'backlash2'"
+    with pytest.raises(rt.InputError, match=f"field = 'backlash': {which}"):
+        rt.chaos(SCENE, field="backlash", over=[0.2])
+    with pytest.raises(rt.InputError, match="points = 3"):
+        rt.chaos(SCENE, points=3)
 
 
 MAKE = """import rattle as rt
@@ -144,78 +193,55 @@ def test_a_notebook_shows_a_figure_once():
     assert pictures == [0, 1, 1, 1, 0]
 
 
-def test_figures_do_not_stay_open():
-    m = rt.mean_map(SCENE, impacts=3)
-    for _ in range(plt.rcParams["figure.max_open_warning"] + 2):
-        m.plot()
-    assert plt.get_fignums() == []
-
-
-@pytest.fixture(scope="module")
-def results():
-    common = {"impacts": 2, "paths": 500, "scheme": "exact-flight", "rng": 7}
-    return {
-        "orbit": rt.follow(SCENE, 12),
-        "prediction": rt.mean_map(SCENE, impacts=2, closure="branching"),
-        "run": rt.simulate(SCENE, **common),
-        "validation": rt.validate(SCENE, closures=["saltation"], **common),
-        "long run": rt.stationary(SCENE, periods=64, paths=64, closures=["saltation"]),
-    }
-
-
 @pytest.mark.parametrize("name", ["orbit", "prediction", "run", "validation", "long run"])
 def test_every_result_draws_itself_and_gives_a_dataset_with_units(results, name):
     figure = results[name].plot()
-    data = results[name].to_xarray()
     assert isinstance(figure, Figure)
     assert figure._repr_png_().startswith(b"\x89PNG")
-    units = (
-        data["quantity"].attrs
-        if "quantity" in data
-        else {n: v.attrs["units"] for n, v in data.items()}
-    )
+    assert plt.get_fignums() == []  # it does not stay open
+    data = results[name].to_xarray()
+    units = {variable: values.attrs.get("units") for variable, values in data.items()}
+    units |= data["quantity"].attrs if "quantity" in data else {}
     assert units["q50_speed_mesh1" if name == "long run" else "y1"] == "backlash1 omega"
     if name in ("prediction", "run", "long run"):
-        assert {v.attrs["units"] for v in results[name].to_xarray("physical").values()} >= {
-            "ms",
-            "mm/s",
-            "1",
-        }
+        physical = results[name].to_xarray("physical")
+        assert {values.attrs["units"] for values in physical.values()} >= {"ms", "mm/s", "1"}
 
 
 def test_a_dataset_holds_the_numbers_of_the_table(results):
     run = results["run"]
     orbit = results["orbit"]
+    long = results["long run"]
     assert run.to_xarray()["sd_y1"].values.tolist() == run.section["sd_y1"].tolist()
-    assert (
-        run.to_xarray("physical")["tau"].values.tolist()
-        == run.section_in("physical")["tau_ms"].tolist()
-    )
+    tau = run.to_xarray("physical")["tau"].values.tolist()
+    assert tau == run.section_in("physical")["tau_ms"].tolist()
     assert orbit.to_xarray()["y2_after"].values.tolist() == orbit.after[:, 3].tolist()
-    row = (
-        results["validation"]
-        .table.query("quantity == 'y1' and moment == 'sd' and impact == 2")
-        .iloc[0]
-    )
-    at = {"closure": "saltation", "quantity": "y1", "moment": "sd", "impact": 2}
+    at = {"closure": "saltation", "kind": "section", "quantity": "y1", "moment": "sd", "impact": 2}
+    table = results["validation"].table
+    (row,) = table[(table[list(at)] == pd.Series(at)).all(axis=1)].to_dict("records")
+    del at["kind"]
     assert float(results["validation"].to_xarray()["error"].sel(at)) == row["error"]
-    rate = results["long run"].to_xarray("physical")["rate"]
-    assert (
-        float(rate.sel(statistic="value"))
-        == results["long run"].table_in("physical").loc["rate", "value"]
-    )
-
-
-def test_what_cannot_be_drawn_is_said(results):
-    single = rt.Scene(alpha=0.25, epsilon=0.5, beta1=0.02, gamma1=0.0, stages=1)
-    with pytest.raises(rt.InputError, match="quantity = 'y2'"):
-        rt.mean_map(single, impacts=1).plot("y2")
-    with pytest.raises(rt.InputError, match="exact"):
-        rt.stationary(single).plot()
-    with pytest.raises(rt.InputError, match="did you mean 'memory'"):
-        results["long run"].plot("memori")
+    rate = float(long.to_xarray("physical")["rate"].sel(statistic="value"))
+    assert rate == long.table_in("physical").loc["rate", "value"]
 
 
 def test_public_names_are_all_that_is_listed():
     assert rt.__version__ == version("rattle")
     assert set(dir(rt)) == {*rt.__all__, "__version__"}
+
+
+def test_raw_records_have_names():
+    late = rt.Scene.from_gears(
+        rt.DAT21, sigma=0.1, start=rt.Start(100.0, 0.5, 2.0, 0.5, 2.0, mesh=1)
+    )
+    run = rt.simulate(late, paths=16, impacts=3, record=rt.Record(raw=True, histogram=True))
+    assert len(repr(run)) < LONGEST
+    table = run.records
+    assert table.index.names == ["path", "impact"]
+    assert list(table) == ["tau", "flight", "x1", "y1", "x2", "y2", "mesh", "side"]
+    assert len(table) == 48
+    means = table["tau"].groupby("impact").mean()
+    assert means.tolist() == pytest.approx(run.section["tau"].tolist())
+    assert table.loc[(0, 1), "y1"] == run.raw[0, 0, 3]
+    with pytest.raises(rt.InputError, match=r"record\.raw = False: ask for it"):
+        rt.simulate(late, paths=16, impacts=3).records  # noqa: B018

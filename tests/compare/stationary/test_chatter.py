@@ -2,7 +2,6 @@
 are physical."""
 
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,23 +14,11 @@ from rattle.compare.stationary.verdicts import values_of
 from rattle.montecarlo.long_run.estimates import all_names
 from rattle.scene import Scene
 
-PAIR = Path(__file__).parents[1] / "cli" / "pair.toml"
-RECORD = {
-    "name": "pair",
-    "field": "alpha",
-    "commit": "",
-    "seed": 0,
-    "wall_seconds": 0.0,
-    "versions": {},
-    "command": "rattle stationary",
-}
-
 
 @pytest.fixture(scope="module")
-def found():
-    return rt.stationary(
-        Scene.load(PAIR), periods=64, paths=32, closures=["published", "saltation"]
-    )
+def found(pair):
+    closures = ["published", "saltation"]
+    return rt.stationary(Scene.load(pair), periods=64, paths=32, closures=closures)
 
 
 def test_impacts_above_the_threshold_stand_first(found):
@@ -40,9 +27,8 @@ def test_impacts_above_the_threshold_stand_first(found):
     assert all_names(1)[:2] == ("rate_above", "speed_above")
     table = found.table["value"]
     assert table["rate_above"] == pytest.approx(15.0 / (2.0 * math.pi), rel=1e-3)
-    assert table["rate_above"] == pytest.approx(
-        table["rate"] * (1.0 - table["slow_share"]), rel=1e-3
-    )
+    fast = 1.0 - table["slow_share"]
+    assert table["rate_above"] == pytest.approx(table["rate"] * fast, rel=1e-3)
     assert 0.5 < table["open_share_mesh1"] < 1.0 - table["contact_share_mesh1"]
     assert table["q50_speed"] < 1e-3 < found.slow < table["q50_speed_above"]
     first, second, *_ = answer(found)
@@ -76,7 +62,9 @@ def test_a_law_above_the_threshold_is_that_of_a_sample():
 
 @pytest.mark.usefixtures("undrawn")
 def test_a_page_of_gears_is_physical_throughout(found, tmp_path):
-    report = make_report(found, None, RECORD | {"scene": found.scene.to_dict()})
+    facts = dict.fromkeys(("name", "field", "commit", "command"), "")
+    facts |= {"seed": 0, "wall_seconds": 0.0, "versions": {}, "scene": found.scene.to_dict()}
+    report = make_report(found, None, facts)
     save(tmp_path / "out", report, overwrite=False)
     text = (tmp_path / "out" / "stationary.md").read_text()
     assert "of impacts at 1.88 mm/s or faster" in text

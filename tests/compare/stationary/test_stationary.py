@@ -3,9 +3,9 @@ and refusals."""
 
 import math
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
+import pandas as pd
 import pytest
 from commands import rattle
 
@@ -15,7 +15,7 @@ from rattle.compare.stationary.page import answer
 from rattle.montecarlo.long_run import BurnInError
 from rattle.montecarlo.long_run.estimates import estimates
 from rattle.montecarlo.long_run.sums import SLOW
-from rattle.scene import DAT21, InputError, Scene, Start
+from rattle.scene import DAT21, Scene, Start
 from rattle.scene.long_orbit import attractor
 
 PAIR = {"alpha": 0.25, "epsilon": 0.5, "beta1": 0.0, "gamma1": 0.0, "stages": 1}
@@ -35,10 +35,9 @@ def test_periodic_orbit_without_noise_is_exact():
     assert row["se"] == 0.0
     assert row["value"] == pytest.approx(1.0 / math.pi)
     speed = found.table.loc["speed", "value"]
+    sd = found.table.loc["sd_speed", "value"]
     lost = found.table.loc["energy", "value"]
-    assert lost == pytest.approx(
-        0.5 * 0.75 * (speed**2 + found.table.loc["sd_speed", "value"] ** 2)
-    )
+    assert lost == pytest.approx(0.5 * 0.75 * (speed**2 + sd**2))
 
 
 @pytest.mark.parametrize("sigma", [0.0, 1e-3])
@@ -60,19 +59,6 @@ def test_several_attractors_are_named_with_their_shares():
     assert "is periodic with the period of the excitation and 2 impacts" in str(caught.value)
 
 
-def test_linear_law_obeys_lyapunov_and_iteration():
-    """The stationary covariance is the limit of the covariance from cycle to cycle."""
-    scene = Scene(**PAIR, sigma=1e-3)
-    law = linear_law(scene, attractor(scene))
-    assert np.allclose(law.sd_speed, 0.00094, rtol=1e-5)
-    far = rt.mean_map(scene, impacts=80, closure="saltation").section.iloc[-2:]
-    assert np.allclose(far["sd_y1"], law.sd_speed, rtol=1e-6)
-    assert np.allclose(far["sd_flight"], law.sd_flight, rtol=1e-6)
-    assert largest_multiplier(scene, attractor(scene)) < 1.0
-    twice = linear_law(scene.with_sigma(2e-3), attractor(scene))
-    assert np.allclose(twice.sd_speed, 2.0 * law.sd_speed)
-
-
 def test_linear_law_of_two_stages():
     """A cycle through both meshes; its stationary sds against the far end of the closure itself."""
     scene = Scene.from_gears(DAT21, sigma=1e-4)
@@ -87,10 +73,13 @@ def test_linear_law_of_two_stages():
     begin = Start(float(end.tau[0]), *end.before[0].tolist(), mesh=int(end.mesh[0]))
     far = rt.mean_map(replace(weak, start=begin), impacts=150 * end.impacts, closure="saltation")
     far = far.section.iloc[-end.impacts :]
-    own = np.where(far["mesh"] == 1, far["sd_y1"], far["sd_y2"])
-    assert np.sort(own) == pytest.approx(np.sort(law.sd_speed), rel=1e-5)
+    sd = np.where(far["mesh"] == 1, far["sd_y1"], far["sd_y2"])
+    assert np.sort(sd) == pytest.approx(np.sort(law.sd_speed), rel=1e-5)
+    assert np.sort(far["sd_flight"]) == pytest.approx(np.sort(law.sd_flight), rel=1e-5)
     back = law.back[law.mesh == 1].sum()
     assert back == pytest.approx(2.0 * math.pi * end.periods)
+    twice = linear_law(weak.with_sigma(2e-4), end)
+    assert np.allclose(twice.sd_speed, 2.0 * law.sd_speed)
 
 
 @pytest.mark.parametrize(
@@ -100,19 +89,6 @@ def test_linear_law_of_two_stages():
 def test_linear_law_says_why_there_is_none(scene, why):
     with pytest.raises(NotPredicted, match=why):
         linear_law(scene, attractor(scene))
-
-
-def test_closures_are_judged():
-    """Where noise is weak the linear closure is accurate; the orbit's average misses every
-    spread."""
-    found = rt.stationary(
-        Scene(**PAIR, sigma=2e-3), periods=64, paths=64, closures=["saltation", "corrected"]
-    )
-    verdicts = found.verdicts.set_index(["closure", "quantity"])["verdict"]
-    for name in ("rate", "speed", "energy_per_period", "slow_share"):
-        assert verdicts["saltation", name] == "accurate", found.verdicts
-    assert verdicts["saltation", "sd_speed"] in ("accurate", "undecided")
-    assert verdicts["corrected", "sd_speed"] == "inaccurate"
 
 
 def test_intervals_that_rest_on_few_paths_are_named():
@@ -125,91 +101,42 @@ def test_intervals_that_rest_on_few_paths_are_named():
     main[3, 0, SLOW] += 400.0  # planted: one burst
     planted = estimates(sums._replace(main=main), ("slow_share",))["slow_share"]
     table = found.table.copy()
-    table.loc["slow_share", ["effective_paths", "low", "high"]] = (
-        planted.effective_paths,
-        planted.low,
-        planted.high,
-    )
+    columns = ["effective_paths", "low", "high"]
+    table.loc["slow_share", columns] = [getattr(planted, column) for column in columns]
     burst = replace(found, table=table)
-    assert (
-        planted.effective_paths < 3.0
-    )  # what is left of it in the other paths' control variates counts too
+    # what is left of it in the other paths' control variates counts too
+    assert planted.effective_paths < 3.0
     assert planted.high - planted.low > 8.0 * planted.se  # 4 for normal parts
     assert planted.low == 0.0  # as a share is never less
-    assert "The standard error of `slow_share` rests on about 2 of 32 paths" in " ".join(
-        answer(burst)
-    )
+    said = "The standard error of `slow_share` rests on about 2 of 32 paths"
+    assert said in " ".join(answer(burst))
 
 
 def test_attractors_that_little_noise_does_not_connect_are_named():
     apart = Scene(alpha=0.3, epsilon=0.8, beta1=0.05, gamma1=0.0, stages=1, sigma=1e-6)
-    with pytest.raises(
-        BurnInError, match=r"Without noise, of 12 starts, the motion of \d+% is periodic"
-    ) as caught:
+    said = r"Without noise, of 12 starts, the motion of \d+% is periodic"
+    with pytest.raises(BurnInError, match=said) as caught:
         rt.stationary(apart, paths=32, budget=2.0)
     assert caught.value.field == "burn_in"
 
 
-def test_physical_units():
-    found = rt.stationary(Scene.from_gears(DAT21, sigma=0.5), periods=64, paths=32, closures=[])
-    table = found.table_in("physical")
-    own = found.table
-    units = DAT21.units
-    assert table.loc["rate", "value"] == pytest.approx(own.loc["rate", "value"] * 300.0)
-    assert table.loc["power", "unit"] == "mW"
-    per_period = table.loc["energy_per_period", "value"]  # mJ; a period is 2 pi / 300 s
-    assert table.loc["power", "value"] == pytest.approx(per_period / (2.0 * math.pi / 300.0))
-    assert per_period == pytest.approx(own.loc["energy_per_period", "value"] * units.energy)
-    with pytest.raises(InputError, match="gears"):
-        rt.stationary(Scene(**PAIR)).table_in("physical")
-
-
-run = partial(rattle, "stationary")
-
-
 def test_command_writes_its_page(tmp_path):
     out = tmp_path / "report"
-    words = ("--sigma", 0.5, "--periods", 64, "--paths", 32, "--closure", "corrected", "--out", out)
-    done = run(*words)
-    assert "impacts a second" in done.output
-    for name in (
-        "stationary.html",
-        "stationary.csv",
-        "verdicts.csv",
-        "sections.csv",
-        "section.svg",
-        "manifest.json",
-    ):
+    words = f"stationary --sigma 0.5 --periods 64 --paths 32 --closure corrected --out {out}"
+    assert "impacts a second" in rattle(words).output
+    files = "stationary.html stationary.csv verdicts.csv sections.csv section.svg manifest.json"
+    for name in files.split():
         assert (out / name).stat().st_size > 0
     assert "corrected" in (out / "stationary.md").read_text()
-    run(*words, code=2)
-
-
-def test_command_refuses_bad_input(tmp_path):
-    words = ("--closure", "corrected", "--no-closures", "--out", tmp_path / "none")
-    assert "closure" in run(*words, code=2).output
-    assert not (tmp_path / "none").exists()
+    rattle(words, code=2)
 
 
 def test_command_draws_the_bifurcation_with_noise(tmp_path):
     out = tmp_path / "report"
-    run(
-        "--sigma",
-        0.3,
-        "--periods",
-        64,
-        "--paths",
-        32,
-        "--no-closures",
-        "--field",
-        "epsilon",
-        "--over",
-        "0.7:0.9:2",
-        "--out",
-        out,
-    )
+    words = "stationary --sigma 0.3 --periods 64 --paths 32 --no-closures"
+    rattle(f"{words} --field epsilon --over 0.7:0.9:2 --out {out}")
     assert (out / "bifurcation.svg").exists()
-    sides = {line.split(",")[0] for line in (out / "bifurcation.csv").read_text().splitlines()[1:]}
+    sides = set(pd.read_csv(out / "bifurcation.csv").iloc[:, 0])
     assert sides == {"without noise", "with noise"}
 
 
@@ -217,5 +144,5 @@ def test_a_diagram_without_impacts_is_refused_before_the_long_run(monkeypatch, t
     monkeypatch.setattr("rattle.compare.stationary.measure.stationary", None)
     scene = tmp_path / "resting.toml"
     scene.write_text(Scene(**RESTING | {"sigma": 0.01}).to_toml())
-    done = run(scene, "--over", "0.1:0.2:2", "--out", tmp_path / "report", code=2)
+    done = rattle(f"stationary {scene} --over 0.1:0.2:2 --out {tmp_path / 'report'}", code=2)
     assert "mesh 1 is not struck" in done.output

@@ -9,8 +9,7 @@ import pytest
 from commands import rattle
 
 import rattle as rt
-from rattle.compare.thresholds.decision import predict_long
-from rattle.scene import InputError, Scene
+from rattle.scene import InputError
 
 STUDY = """
 [study]
@@ -45,34 +44,29 @@ def titles_apart(figure):
 def test_study_runs_and_is_kept(tmp_path):
     file = tmp_path / "pair.toml"
     file.write_text(STUDY)
-    assert json.loads(rattle("study", file, "--json").stdout)["complete"]
+    assert json.loads(rattle(f"study {file} --json").stdout)["complete"]
     folder = tmp_path / "pair"
-    for name in (
-        "study.html",
-        "quantities.parquet",
-        "verdicts.parquet",
-        "figures/long-run.svg",
-        "manifest.json",
-    ):
+    files = "study.html quantities.parquet verdicts.parquet figures/long-run.svg manifest.json"
+    for name in files.split():
         assert (folder / name).stat().st_size > 0
     tables = rt.load_study(folder)
     rate = tables.quantities.query("quantity == 'rate'").set_index("sigma")
     assert rate.loc[0.0, "se"] == 0.0
     assert rate.loc[0.0, "value"] == pytest.approx(rate.loc[0.002, "value"], rel=1e-3)
-    linear = tables.verdicts.query("closure == 'saltation' and quantity == 'speed'").set_index(
-        "sigma"
-    )["verdict"]
-    assert linear[0.002] == "accurate"
-    assert linear[0.3] == "inaccurate"
-    assert (
-        float(tables.to_xarray()["value"].sel(sigma=0.0, quantity="rate")) == rate.loc[0.0, "value"]
-    )
+    verdicts = tables.verdicts.set_index(["closure", "quantity", "sigma"])["verdict"]
+    for name in ("rate", "speed", "energy_per_period", "slow_share"):
+        assert verdicts["saltation", name, 0.002] == "accurate"
+    assert verdicts["saltation", "speed", 0.3] == "inaccurate"
+    # the orbit's average misses every spread
+    assert verdicts["corrected", "sd_speed", 0.002] == "inaccurate"
+    value = tables.to_xarray()["value"].sel(sigma=0.0, quantity="rate")
+    assert float(value) == rate.loc[0.0, "value"]
     assert tables.to_xarray()["quantity"].attrs["rate"] == "omega"
-    assert "up to date" in rattle("study", file).stderr
+    assert "up to date" in rattle(f"study {file}").stderr
     titles_apart(tables.plot())
     nothing = replace(tables, verdicts=tables.verdicts.assign(verdict="not predicted")).plot()
     assert [ax.get_title("left") for ax in nothing.axes if ax.get_visible() and not ax.lines] == []
-    assert "3 points, 3 cells, 0 to compute" in rattle("study", file, "--explain").output
+    assert "3 points, 3 cells, 0 to compute" in rattle(f"study {file} --explain").output
 
 
 def test_a_study_over_two_fields_has_a_figure_for_each_value_of_the_second():
@@ -101,24 +95,3 @@ def test_a_study_over_two_fields_has_a_figure_for_each_value_of_the_second():
 def test_bad_studies_are_refused(old, new, word):
     with pytest.raises(InputError, match=word):
         assert rt.Study.from_toml(STUDY.replace(old, new)).points
-
-
-PAIR = Scene(alpha=0.25, epsilon=0.5, beta1=0.02, gamma1=0.0, stages=1, sigma=0.002)
-
-
-@pytest.mark.parametrize(
-    ("model", "quantities", "word"),
-    [
-        ("saltation", ["ratio"], "quantities"),
-        ("saltation", [], "quantities"),
-        ("linear", ["rate"], "closure"),
-        (lambda scene, names: {}, ["rate"], "missing"),
-        (3, ["rate"], "model"),
-        (lambda scene, names: {"rate": float("nan")}, ["rate"], "not predicted"),
-    ],
-)
-def test_bad_claims_are_refused(model, quantities, word):
-    with pytest.raises(InputError, match=word):
-        predict_long(model, PAIR, quantities)
-    with pytest.raises(InputError, match="chaotic"):
-        predict_long("saltation", Scene.from_gears(rt.DAT21, sigma=0.1), ["rate"])

@@ -6,10 +6,9 @@ from pathlib import Path
 import pandas as pd
 import pytest
 from commands import rattle
-from study_files import study_text
+from studies import Sample, study_text
 
 from rattle import validate
-from rattle.compare.study.cells import Sample
 from rattle.compare.study.estimate import expect_work, scaling
 from rattle.montecarlo import simulate_to
 from rattle.montecarlo.kernel.block import BLOCK
@@ -23,7 +22,7 @@ README = (ROOT / "README.md").read_text().split("```toml\n")[1].split("```")[0]
 def asked(folder, accuracy, sigmas, code=0):
     text = study_text(sigmas=sigmas).replace("paths = 4096", f"accuracy = {accuracy}")
     (folder / "study.toml").write_text(text)
-    return rattle("study", folder / "study.toml", code=code)
+    return rattle(f"study {folder / 'study.toml'}", code=code)
 
 
 @pytest.mark.slow
@@ -39,11 +38,8 @@ def test_a_point_without_noise_comes_to_the_page(tmp_path):
 def test_a_cell_that_would_take_more_than_an_hour_is_told_and_not_kept(tmp_path):
     found = asked(tmp_path, 1e-9, (0.1,), code=2)  # it is the only point
     assert "accuracy = 1e-09: is expected to take" in found.output
-    assert not [
-        p
-        for p in (tmp_path / "study" / "cells").glob("*.parquet")
-        if "se_tau" in pd.read_parquet(p)
-    ]
+    cells = (tmp_path / "study" / "cells").glob("*.parquet")
+    assert not [cell for cell in cells if "se_tau" in pd.read_parquet(cell)]
 
 
 def test_what_is_not_random_is_expected_to_take_one_path():

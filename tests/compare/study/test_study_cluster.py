@@ -17,13 +17,11 @@ import processes
 import pytest
 from commands import rattle
 from programs import python
-from study_files import Deadly, Refused, study_text, tables_of
+from studies import CELLS_FOLDER, Deadly, Refused, Store, compute, run, study_text, tables_of
 
 from rattle import InputError, Study
 from rattle.compare.engine import cluster as module
 from rattle.compare.engine.cluster import BLOCKS_OF_A_TASK, Cluster, Lost
-from rattle.compare.engine.run import CELLS_FOLDER, Runner, run
-from rattle.compare.engine.store import Store
 
 distributed = pytest.importorskip("distributed", reason="needs the extra cluster")
 dask = pytest.importorskip("dask")
@@ -37,11 +35,15 @@ pytestmark = [
 ]
 
 
+def local_cluster(workers):
+    """Dask's own cluster on this machine, of processes."""
+    settings = {"processes": True, "dashboard_address": ":0", "silence_logs": 50}
+    return distributed.LocalCluster(n_workers=workers, threads_per_worker=1, **settings)
+
+
 @pytest.fixture(scope="module")
 def cluster():
-    with distributed.LocalCluster(
-        n_workers=2, threads_per_worker=1, processes=True, dashboard_address=":0", silence_logs=50
-    ) as running:
+    with local_cluster(2) as running:
         yield running
 
 
@@ -55,51 +57,42 @@ def study():
 
 @pytest.fixture(scope="module")
 def local(study, tmp_path_factory):
-    store = Store(tmp_path_factory.mktemp("local") / CELLS_FOLDER)
-    run(study.cells, store, Runner(2))
-    return tables_of(study, store)
+    return compute(study, tmp_path_factory.mktemp("local"), workers=2)
 
 
-def test_results_equal_the_local_ones_though_a_worker_is_killed(cluster, study, local, tmp_path):
-    store = Store(tmp_path / CELLS_FOLDER)
+@pytest.fixture
+def store(tmp_path):
+    return Store(tmp_path / CELLS_FOLDER)
+
+
+def test_results_equal_the_local_ones_though_a_worker_is_killed(cluster, study, local, store):
     victim = next(iter(cluster.workers.values())).pid
     killer = threading.Timer(0.7, os.kill, (victim, signal.SIGKILL))
     killer.start()
     outcome = run(study.cells, store, Cluster(cluster.scheduler_address))
     killer.join()
     assert outcome.computed == len(study.cells)
-    found = tables_of(study, store)
+    there = tables_of(study, store)
     for name in ("errors", "sections", "paired"):
-        pd.testing.assert_frame_equal(getattr(found, name), getattr(local, name), check_exact=True)
-    assert victim not in {
-        w.pid for w in cluster.workers.values() if w.pid
-    }  # it was killed, and another took its place
+        pd.testing.assert_frame_equal(getattr(there, name), getattr(local, name), check_exact=True)
+    # it was killed, and another took its place
+    assert victim not in [worker.pid for worker in cluster.workers.values()]
 
 
-def test_a_worker_of_another_version_is_refused(cluster, study, tmp_path, monkeypatch):
+def test_a_worker_of_another_version_is_refused(cluster, study, store, monkeypatch):
     monkeypatch.setattr(module, "numerical_version", _another)
-    with pytest.raises(
-        Lost, match=r"has numerical version .*, here it is version of .*: install the same there"
-    ):
-        run(study.cells, Store(tmp_path / CELLS_FOLDER), Cluster(cluster.scheduler_address))
+    said = r"has numerical version .*, here it is version of .*: install the same there"
+    with pytest.raises(Lost, match=said):
+        run(study.cells, store, Cluster(cluster.scheduler_address))
 
 
 def _another(*packages):
     return f"version of process {os.getpid()}"
 
 
-def test_a_cluster_without_workers_is_named(study, tmp_path):
-    with (
-        distributed.LocalCluster(
-            n_workers=0, processes=True, dashboard_address=":0", silence_logs=50
-        ) as empty,
-        pytest.raises(InputError, match="has no workers"),
-    ):
-        run(
-            study.cells,
-            Store(tmp_path / CELLS_FOLDER),
-            Cluster(empty.scheduler_address, patience=1.0),
-        )
+def test_a_cluster_without_workers_is_named(study, store):
+    with local_cluster(0) as empty, pytest.raises(InputError, match="has no workers"):
+        run(study.cells, store, Cluster(empty.scheduler_address, patience=1.0))
 
 
 @pytest.fixture
@@ -120,11 +113,10 @@ def of_our_own(workers, **environment):
     theirs."""
     with ExitStack() as stack:
         running, address = stack.enter_context(processes.scheduler(**environment))
-        yield (
-            running,
-            address,
-            [stack.enter_context(processes.worker(address))[0] for _ in range(workers)],
-        )
+        processes_of_workers = [
+            stack.enter_context(processes.worker(address))[0] for _ in range(workers)
+        ]
+        yield running, address, processes_of_workers
 
 
 def meanwhile(store, cells, act):
@@ -156,14 +148,14 @@ def test_a_lost_scheduler_ends_the_study_with_one_line(small, tmp_path):
         killer.join()
     *progress, line = done.stderr.splitlines()
     assert all(earlier.startswith(PROGRESS) for earlier in progress), progress
-    assert line.startswith(
-        f"rattle: scheduler = {address!r}: no longer answers: start it again; finished results"
-    )
+    lost = "no longer answers: start it again; finished results"
+    assert line.startswith(f"rattle: scheduler = {address!r}: {lost}")
     assert 2 <= len(kept(Study.load(file), store)) < 9
 
 
-def test_the_loss_of_all_workers_is_said(small, tmp_path):
-    store = Store(tmp_path / CELLS_FOLDER)
+def test_the_loss_of_all_workers_is_said(small, store):
+    large = Study.from_toml(study_text(sigmas=(0.02, 0.1), paths=30_000_000))
+    said = r"has had no workers for 5 s: start some .dask worker ADDRESS.; finished results"
     with of_our_own(2) as (_, address, workers):
         place = Cluster(address, patience=60.0)
 
@@ -173,18 +165,8 @@ def test_the_loss_of_all_workers_is_said(small, tmp_path):
                 worker.kill()
 
         killer = meanwhile(store, 1, act)
-        with pytest.raises(
-            Lost,
-            match=(
-                r"has had no workers for 5 s: start some .dask worker ADDRESS.; finished results"
-                r" are kept"
-            ),
-        ):
-            run(
-                Study.from_toml(study_text(sigmas=(0.02, 0.1), paths=30_000_000)).cells,
-                store,
-                place,
-            )
+        with pytest.raises(Lost, match=said):
+            run(large.cells, store, place)
         killer.join()
         assert list(store.folder.glob("*.parquet"))
         assert not list(store.folder.glob(".*"))
@@ -193,26 +175,18 @@ def test_the_loss_of_all_workers_is_said(small, tmp_path):
     assert len(kept(small, store)) == len(small.cells)
 
 
-def test_a_suspended_worker_is_named_and_the_others_go_on(small, tmp_path, monkeypatch, capsys):
+def test_a_suspended_worker_is_named_and_the_others_go_on(store, monkeypatch, capsys):
     """It is suspended at work: what it was computing, and what it holds, is computed by the other
     worker."""
     monkeypatch.setattr(module, "SILENCE", 5.0)
-    store = Store(tmp_path / CELLS_FOLDER)
     wanted = Study.from_toml(study_text(sigmas=(0.02, 0.05, 0.1), paths=400_000))
     with of_our_own(2) as (_, address, workers):
         stopper = meanwhile(store, 1, lambda: workers[0].send_signal(signal.SIGSTOP))
         outcome = run(wanted.cells, store, Cluster(address, patience=60.0), show=True)
         stopper.join()
     assert outcome.computed == len(wanted.cells)
-    assert (
-        len(
-            re.findall(
-                r"worker tcp://\S+ has not answered for 5 s; its cells go to the others",
-                capsys.readouterr().err,
-            )
-        )
-        == 1
-    )
+    silent = r"worker tcp://\S+ has not answered for 5 s; its cells go to the others"
+    assert len(re.findall(silent, capsys.readouterr().err)) == 1
 
 
 def test_suspended_workers_are_waited_for_and_ctrl_c_ends_that(tmp_path):
@@ -249,10 +223,9 @@ def test_suspended_workers_are_waited_for_and_ctrl_c_ends_that(tmp_path):
         (Refused, "impacts = 2: are too many"),
     ],
 )
-def test_a_cell_that_cannot_be_computed_costs_itself_only(small, tmp_path, kind, why):
+def test_a_cell_that_cannot_be_computed_costs_itself_only(small, store, kind, why):
     """One that kills its workers, and one that is refused there: the reason is given, all others
     are computed."""
-    store = Store(tmp_path / CELLS_FOLDER)
     first = next(c for c in small.cells if hasattr(c, "closure"))
     wrong = kind(first.scene, first.impacts, first.closure)
     others = [c for c in small.cells if c.key != first.key]
@@ -265,37 +238,27 @@ def test_a_cell_that_cannot_be_computed_costs_itself_only(small, tmp_path, kind,
     assert len(kept(SimpleNamespace(cells=others), store)) == len(others)
 
 
-def test_a_server_that_is_no_scheduler_is_named(small, tmp_path):
+def test_a_server_that_is_no_scheduler_is_named(small, store):
     """One that accepts connections and is silent; one that is not there."""
     with socket.create_server(("127.0.0.1", 0)) as listening:
         for port in (listening.getsockname()[1], 9):
             address = f"tcp://127.0.0.1:{port}"
             with pytest.raises(InputError, match=rf"{address}.* does not answer"):
-                run(small.cells, Store(tmp_path / CELLS_FOLDER), Cluster(address, patience=1.0))
+                run(small.cells, store, Cluster(address, patience=1.0))
 
 
-@pytest.mark.parametrize(
-    "address",
-    [
-        "ucx://127.0.0.1:8786",
-        "ws://127.0.0.1:8786",
-        "inproc://1/2/3",
-        "127.0.0.1:8786",
-        "tcp://127.0.0.1",
-        "",
-        "tcp://127.0.0.1:0",
-        "tcp://127.0.0.1:99999",
-        "tcp://a b:1",
-        "tcp://user@host:1",
-        "tcp://:8786",
-        "tcp:///x:1",
-    ],
+ADDRESSES = (
+    "ucx://127.0.0.1:8786 ws://127.0.0.1:8786 inproc://1/2/3 127.0.0.1:8786 tcp://127.0.0.1"
+    " tcp://127.0.0.1:0 tcp://127.0.0.1:99999 tcp://user@host:1 tcp://:8786 tcp:///x:1"
 )
+
+
+@pytest.mark.parametrize("address", [*ADDRESSES.split(), "", "tcp://a b:1"])
 def test_an_address_of_another_form_is_refused_before_anything_is_made(tmp_path, address):
     file = tmp_path / "s.toml"
     file.write_text(study_text())
-    found = rattle("study", file, "--scheduler", address, code=2)
-    assert f"scheduler = {address!r}: give tcp://HOST:PORT, or tls://HOST:PORT" in found.output
+    said = rattle(f"study {file} --scheduler", address, code=2).output
+    assert f"scheduler = {address!r}: give tcp://HOST:PORT, or tls://HOST:PORT" in said
     assert not (tmp_path / "s").exists()
 
 
@@ -306,26 +269,13 @@ def certificates(tmp_path_factory):
         pytest.skip("no openssl here: only with it can certificates be made")
     at = tmp_path_factory.mktemp("certificates")
 
-    def openssl(*words):
-        subprocess.run(["openssl", *map(str, words)], check=True, capture_output=True)
+    def openssl(words):
+        subprocess.run(["openssl", *words.split()], cwd=at, check=True, capture_output=True)
 
-    made = ("-newkey", "rsa:2048", "-nodes")
-    openssl(
-        "req",
-        "-x509",
-        *made,
-        "-keyout",
-        at / "ca.key",
-        "-out",
-        at / "ca.pem",
-        "-days",
-        2,
-        "-subj",
-        "/CN=ours",
-    )
-    openssl("req", *made, "-keyout", at / "key", "-out", at / "csr", "-subj", "/CN=rattle")
-    signed = ("-CA", at / "ca.pem", "-CAkey", at / "ca.key", "-CAcreateserial", "-days", 2)
-    openssl("x509", "-req", "-in", at / "csr", *signed, "-out", at / "cert")
+    made = "-newkey rsa:2048 -nodes"
+    openssl(f"req -x509 {made} -keyout ca.key -out ca.pem -days 2 -subj /CN=ours")
+    openssl(f"req {made} -keyout key -out csr -subj /CN=rattle")
+    openssl("x509 -req -in csr -CA ca.pem -CAkey ca.key -CAcreateserial -days 2 -out cert")
     own = {
         f"{who}.{what}": str(at / what)
         for who in ("client", "scheduler", "worker")
@@ -337,26 +287,22 @@ def certificates(tmp_path_factory):
     }
 
 
-def test_a_study_over_tls(small, tmp_path, certificates):
+def test_a_study_over_tls(small, store, tmp_path, certificates):
     """With certificates in Dask's configuration; without them it is said what is missing."""
     settings = {**certificates, "distributed.comm.require-encryption": "true"}
     environment = {
         f"DASK_{name.replace('.', '__').replace('-', '_').upper()}": v
         for name, v in settings.items()
     }
-    store = Store(tmp_path / CELLS_FOLDER)
     with (
         processes.scheduler("tls://", **environment) as (_, address),
         processes.worker(address, **environment),
     ):
         assert address.startswith("tls://")
         with dask.config.set(certificates):
-            assert run(small.cells, store, Cluster(address, patience=60.0)).computed == len(
-                small.cells
-            )
-        with pytest.raises(
-            InputError, match=r"needs certificates; name them in Dask's configuration"
-        ):
+            outcome = run(small.cells, store, Cluster(address, patience=60.0))
+        assert outcome.computed == len(small.cells)
+        with pytest.raises(InputError, match="needs certificates; name them in Dask's configur"):
             Cluster(address).__enter__()
         with pytest.raises(InputError, match="does not answer"):
             Cluster(address.replace("tls:", "tcp:"), patience=2.0).__enter__()

@@ -1,8 +1,10 @@
 """An axis, a search and a sweep over a value of the gears; all others stay as they were typed."""
 
+from dataclasses import replace
+
 import pytest
 
-from rattle import DAT21, Gears, InputError, Scene, Study
+from rattle import DAT21, Gears, InputError, Order, Scene, Study, Tolerance
 from rattle.compare.chaos.sweep import vary
 from rattle.compare.study.parameters import find_parameter, find_parameters
 
@@ -71,3 +73,31 @@ def test_parameters_are_those_that_were_typed():
     assert {"amplitude", "speed_rpm", "driver_radius", "torque1", "backlash1"} < set(known)
     assert known["torque1"].value == 100.0
     assert known["speed_rpm"].unit == "1/min"
+    assert known["torque2"].words == "drag torque on wheel 2"
+    single = find_parameters(replace(SCENE, stages=1))
+    assert not [name for name in single if name.endswith("2")]
+
+
+DRIVEN = Scene.from_gears(DAT21, sigma=0.5)
+
+
+def test_what_a_parameter_does_not_name_stays_while_it_changes():
+    scene = replace(DRIVEN, tolerance=Tolerance(0.01, 0.02))
+    assert find_parameters(scene)["amplitude"][1:3] == (pytest.approx(0.3), "mm")
+    wider = find_parameters(scene)["backlash1"].scene_at(0.4)
+    assert wider.gears.amplitude == pytest.approx(0.3)
+    assert (wider.tolerance.c1_max, wider.sigma) == (0.005, 0.5)
+    ordered = replace(DRIVEN, drive=(Order(1), Order(2, 0.3)), correlation_time=0.5)
+    parameters = find_parameters(ordered)
+    assert parameters["drive.2.amplitude"].words == "order 2 of the drive"
+    assert parameters["correlation_time"].scene_at(0.6).correlation_time == 0.6
+    for name in ("torque1", "backlash1", "amplitude"):
+        changed = parameters[name].scene_at(0.31)
+        assert (changed.drive, changed.correlation_time) == (ordered.drive, 0.5)
+
+
+@pytest.mark.parametrize("name", ["alpha", "beta1", "gap2", "sigma", "drive.3.phase", "start.y1"])
+def test_any_number_of_a_scene_can_be_another(name):
+    parameter = find_parameter(DRIVEN, name)
+    assert find_parameter(parameter.scene_at(0.31), name).value == pytest.approx(0.31)
+    assert parameter.scene_at(0.32) != parameter.scene_at(0.31)

@@ -6,7 +6,7 @@ import sys
 
 import pytest
 from commands import rattle
-from study_files import study_text
+from studies import study_text
 
 from rattle import Study
 

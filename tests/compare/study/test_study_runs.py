@@ -7,38 +7,22 @@ import subprocess
 import sys
 import time
 from dataclasses import replace
-from functools import partial
 
 import pandas as pd
 import pytest
-from commands import rattle as command
-from commands import study
-from study_files import study_text, tables_of
+from commands import rattle, study
+from studies import CELLS_FOLDER, compute, study_text
 
-from rattle import InputError, Study, Tolerances, load_study
-from rattle.closure import mean_map
-from rattle.compare.engine.run import CELLS_FOLDER, Runner, run
-from rattle.compare.engine.store import Store
+from rattle import DAT21, InputError, Scene, Study, Tolerances, load_study, mean_map
 from rattle.compare.judge.verdict import JUDGED
-from rattle.compare.study.figures import validity
 from rattle.compare.study.impacts_page import answer
-from rattle.scene import DAT21, Scene
 
-rattle = partial(command, "study")
 SLOW = {"sigmas": (0.01, 0.02, 0.03, 0.04, 0.05, 0.06), "paths": 40_000}
 
 
-def start(file, *words):
-    command = [
-        sys.executable,
-        "-m",
-        "rattle.compare.cli.main",
-        "study",
-        str(file),
-        "--workers",
-        "1",
-        *words,
-    ]
+def start(file):
+    """The command on a study, as a process."""
+    command = [sys.executable, "-m", "rattle.compare.cli.main", "study", file, "--workers", "1"]
     return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
 
 
@@ -54,26 +38,28 @@ def digests(folder):
     return record["errors_sha256"], record["sections_sha256"]
 
 
+def write(folder, name, **settings):
+    """A study file in a folder."""
+    file = folder / f"{name}.toml"
+    file.write_text(study_text(**settings))
+    return file
+
+
 @pytest.fixture(scope="module")
 def slow(tmp_path_factory):
     """A study that takes a few seconds, run without interruption."""
-    folder = tmp_path_factory.mktemp("slow")
-    file = folder / "noise.toml"
-    file.write_text(study_text(**SLOW))
-    rattle(file)
-    return file, digests(folder / "noise")
+    file = write(tmp_path_factory.mktemp("slow"), "noise", **SLOW)
+    rattle(f"study {file}")
+    return file.with_suffix("")
 
 
 @pytest.fixture
 def small(tmp_path):
-    file = tmp_path / "small.toml"
-    file.write_text(study_text())
-    return file
+    return write(tmp_path, "small")
 
 
 def test_tables_load_in_one_line(slow):
-    file, _ = slow
-    results = load_study(file.with_suffix(""))
+    results = load_study(slow)
     assert len(results.errors) == 6 * 2 * 2 * 2 * 6  # sigma, closure, impact, moment, quantity
     assert set(results.sections["moment"]) == {"mean", "sd", "skew"}
     assert {"rate", "energy"} < set(results.sections["quantity"])
@@ -82,11 +68,9 @@ def test_tables_load_in_one_line(slow):
     assert set(loose["verdict"]) <= {"accurate", "excluded", "not predicted"}
     assert (loose["verdict"] == "excluded").equals(~loose["judged"])
     data = results.to_xarray()
-    row = results.errors.query(
-        "sigma == 0.02 and impact == 2 and quantity == 'y1' and moment == 'sd'"
-    )
-    row = row[row["closure"] == "saltation"].iloc[0]
     at = {"sigma": 0.02, "impact": 2, "quantity": "y1", "moment": "sd"}
+    indexed = results.errors.set_index(["closure", *at])
+    row = indexed.loc[("saltation", *at.values())]
     assert float(data["error"].sel(**at, closure="saltation")) == row["error"]
     assert float(data["simulated"].sel(**at)) == row["simulated"]
     assert data["quantity"].attrs["y1"] == "backlash1 omega"
@@ -97,84 +81,79 @@ def test_tables_load_in_one_line(slow):
 
 @pytest.mark.slow
 def test_killed_and_resumed_is_the_same_to_the_last_bit(slow, tmp_path):
-    _, whole = slow
-    file = tmp_path / "noise.toml"
-    file.write_text(study_text(**SLOW))
+    file = write(tmp_path, "noise", **SLOW)
     out = tmp_path / "noise"
-    for pattern, files in (
-        (f"{CELLS_FOLDER}/*.parquet", 3),
-        (f"{CELLS_FOLDER}/*.parquet", 9),
-        (".page-*.part", 1),
-    ):
+    cells = f"{CELLS_FOLDER}/*.parquet"
+    for pattern, files in ((cells, 3), (cells, 9), (".page-*.part", 1)):
         running = start(file)
         wait_for(out, pattern, files)
         running.send_signal(signal.SIGKILL)
         running.communicate()
-        kept = {p.name: p.stat().st_mtime_ns for p in (out / CELLS_FOLDER).glob("*.parquet")}
+        kept = {p.name: p.stat().st_mtime_ns for p in out.glob(cells)}
         assert files <= len(kept) < (18 if files > 1 else 19)
     assert not (out / "manifest.json").exists()
-    rattle(file)
-    assert digests(out) == whole
+    rattle(f"study {file}")
+    assert digests(out) == digests(slow)
     assert all((out / CELLS_FOLDER / name).stat().st_mtime_ns == at for name, at in kept.items())
     assert not list(out.rglob(".*"))  # nothing half written is left
 
 
 @pytest.mark.slow
 def test_two_processes_share_the_work(slow, tmp_path):
-    _, whole = slow
-    file = tmp_path / "noise.toml"
-    file.write_text(study_text(**SLOW))
+    file = write(tmp_path, "noise", **SLOW)
+    out = tmp_path / "noise"
+    cells = f"{CELLS_FOLDER}/*.parquet"
     first = start(file)
-    wait_for(tmp_path / "noise", f"{CELLS_FOLDER}/*.parquet", 1)
+    wait_for(out, cells, 1)
     # so that the second has something to do, however late it is ready
     first.send_signal(signal.SIGSTOP)
-    found = len(list((tmp_path / "noise").glob("cells/*.parquet")))
+    stored = len(list(out.glob(cells)))
     second = start(file)
-    wait_for(tmp_path / "noise", f"{CELLS_FOLDER}/*.parquet", found + 1)
+    wait_for(out, cells, stored + 1)
     first.send_signal(signal.SIGCONT)
     for running in (first, second):
         _, err = running.communicate(timeout=600)
         assert running.returncode == 0, err
-    assert digests(tmp_path / "noise") == whole
-    log = (tmp_path / "noise" / "study.log").read_text()
-    by = {line.split()[2] for line in log.splitlines() if " done " in line}
-    assert log.count(" done ") == 18  # each cell once
-    assert len(by) == 2  # and both took part
+    assert digests(out) == digests(slow)
+    done = [line for line in (out / "study.log").read_text().splitlines() if " done " in line]
+    assert len(done) == 18  # each cell once
+    assert len({line.split()[2] for line in done}) == 2  # and both took part
 
 
-@pytest.mark.parametrize("damage", ["truncated", "foreign", "flipped", "empty"])
+DAMAGE = {
+    "truncated": lambda sound, _: sound[: len(sound) // 2],
+    "foreign": lambda _, other: other,
+    "flipped": lambda sound, _: sound[:400] + bytes([sound[400] ^ 1]) + sound[401:],
+    "empty": lambda *_: b"",
+}
+
+
+@pytest.mark.parametrize("damage", DAMAGE)
 def test_a_damaged_file_is_computed_again(tmp_path, damage):
     study = Study.from_toml(study_text(paths=1024))
-    store = Store(tmp_path / CELLS_FOLDER)
-    run(study.cells, store, Runner(1))
-    before = tables_of(study, store).errors
-    first, second, *_ = sorted(store.folder.glob("*.parquet"))
-    sound = first.read_bytes()
-    flipped = bytearray(first.read_bytes())
-    flipped[len(sound) // 8] ^= 1
-    damaged = {
-        "truncated": sound[: len(sound) // 2],
-        "foreign": second.read_bytes(),
-        "flipped": flipped,
-        "empty": b"",
-    }
-    first.write_bytes(damaged[damage])
-    assert run(study.cells, store, Runner(1)).computed == 1
-    pd.testing.assert_frame_equal(tables_of(study, store).errors, before, check_exact=True)
+    before = compute(study, tmp_path).errors
+    files = sorted((tmp_path / CELLS_FOLDER).glob("*.parquet"))
+    sound, other, *_ = (file.read_bytes() for file in files)
+    files[0].write_bytes(DAMAGE[damage](sound, other))
+    times = [file.stat().st_mtime_ns for file in files]
+    after = compute(study, tmp_path, workers=3).errors
+    pd.testing.assert_frame_equal(after, before, check_exact=True)
+    changed = [file.stat().st_mtime_ns != at for file, at in zip(files, times, strict=True)]
+    assert changed == [True] + [False] * (len(files) - 1)
 
 
 @pytest.mark.usefixtures("undrawn")
 def test_a_value_more_computes_its_cells_only(small):
-    assert "9 results computed" in rattle(small).output
+    assert "9 results computed" in rattle(f"study {small}").output
     small.write_text(study_text(sigmas=(0.01, 0.02, 0.05, 0.1)))
-    assert "12 cells, 3 to compute" in rattle(small, "--explain").output
-    assert "3 results computed, 12 stored" in rattle(small).output
-    assert "All 12 results are stored" in rattle(small).output
+    assert "12 cells, 3 to compute" in rattle(f"study {small} --explain").output
+    assert "3 results computed, 12 stored" in rattle(f"study {small}").output
+    assert "All 12 results are stored" in rattle(f"study {small}").output
 
 
 def test_explain_and_status_make_nothing(small):
     for option in ("--explain", "--status"):
-        assert "9" in rattle(small, option).output
+        assert "9" in rattle(f"study {small} {option}").output
         assert not small.with_suffix("").exists()
 
 
@@ -187,7 +166,7 @@ def test_explain_of_a_large_grid_makes_few_of_its_scenes(tmp_path, monkeypatch):
     made = []
     point = Study._point
     monkeypatch.setattr(Study, "_point", lambda study, at: made.append(at) or point(study, at))
-    found = rattle(tmp_path / "large.toml", "--explain")
+    found = rattle(f"study {tmp_path / 'large.toml'} --explain")
     assert "100000 points, about 300000 cells, about 300000 to compute" in found.output
     assert len(made) == 200
     assert not (tmp_path / "large").exists()
@@ -207,7 +186,7 @@ def test_an_estimate_from_some_points_is_that_of_all(tmp_path, monkeypatch):
     )
 
     def explained():
-        output = rattle(file, "--explain").output
+        output = rattle(f"study {file} --explain").output
         words = ("points", "cells", "to compute", "core-seconds")
         return [int(re.search(rf"([0-9]+) {word}", output)[1]) for word in words]
 
@@ -224,13 +203,8 @@ def test_what_a_closure_cannot_take_is_said_once_with_exit_code_1(tmp_path):
     file = tmp_path / "s.toml"
     start = '[[axes]]\n"start.mesh" = [0]\n"start.x1" = [0.1]\n[[axes]]\nepsilon = [0.8, 0.9]\n'
     file.write_text(study_text(paths=512, more=start).replace('"corrected"', '"published"'))
-    for words, code in (
-        ((file, "--explain"), 0),
-        ((file,), 1),
-        ((file, "--status"), 0),
-        ((file,), 1),
-    ):
-        found = rattle(*words, code=code)
+    for option, code in (("--explain", 0), ("", 1), ("--status", 0), ("", 1)):
+        found = rattle(f"study {file} {option}", code=code)
         said = [text for text in found.output.splitlines() if "cannot be computed" in text]
         assert len(said) == 1, found.output
         assert "published cannot be computed at 6 of 6 points, first at sigma = 0.01" in said[0]
@@ -252,56 +226,37 @@ UNDECIDED = study(
 def test_undecided_is_not_called_wrong(tmp_path):
     """At the smallest value no row of a closure is inaccurate and some are undecided: text and
     figure say so."""
-    study = Study.from_toml(UNDECIDED)
-    store = Store(tmp_path / CELLS_FOLDER)
-    run(study.cells, store, Runner(1))
-    found = tables_of(study, store)
-    first = found.errors.query("sigma == 0.01 and closure == 'saltation'")["verdict"].value_counts()
-    assert "inaccurate" not in first
-    assert first["accurate"] > 5
-    assert first["undecided"] > 5
-    headline, _, published, saltation, _ = answer(found)
-    assert (
-        headline
-        == "Undecided: no closure is shown to be accurate over 4 impacts in every row of this"
+    tables = compute(Study.from_toml(UNDECIDED), tmp_path)
+    first = tables.errors.query("sigma == 0.01 and closure == 'saltation'")
+    counts = first["verdict"].value_counts()
+    assert "inaccurate" not in counts
+    assert counts["accurate"] > 5
+    assert counts["undecided"] > 5
+    headline, _, published, saltation, _ = answer(tables)
+    assert headline == (
+        "Undecided: no closure is shown to be accurate over 4 impacts in every row of this"
         " study. Not shown to be wrong: `saltation` up to σ = 0.02. More paths would settle it;"
         " until then simulate."
     )
-    assert saltation.startswith(
-        "`saltation`: not shown wrong up to sigma = 0.02 (too few paths to decide"
-    )
+    undecided = "`saltation`: not shown wrong up to sigma = 0.02 (too few paths to decide"
+    assert saltation.startswith(undecided)
     assert published == "`published`: shown wrong at sigma = 0.01, the smallest."
-    figure = validity(found, found.validity)
+    figure = tables.plot("validity")
     words = [text.get_text() for text in figure.legends[0].get_texts()]
-    assert "saltation: accurate up to" in words
-    assert "not shown wrong up to" in words
+    assert {"saltation: accurate up to", "not shown wrong up to"} < set(words)
     assert any(text.startswith("too few paths to decide") for text in words)
     assert "published: shown wrong at the smallest" in words
-    (band,) = (
-        c
-        for c in figure.axes[0].collections
-        if c.get_paths() and len(c.get_paths()[0].vertices) > 3
-    )
-    assert (
-        band.get_paths()[0].vertices[:, 1].max() == 0.02
-    )  # from the smallest up, though nothing is accurate
-
-
-def test_results_do_not_depend_on_workers(tmp_path):
-    study = Study.from_toml(study_text())
-    tables = []
-    for workers in (1, 3):
-        store = Store(tmp_path / str(workers) / CELLS_FOLDER)
-        run(study.cells, store, Runner(workers))
-        tables.append(tables_of(study, store))
-    pd.testing.assert_frame_equal(tables[0].errors, tables[1].errors, check_exact=True)
-    pd.testing.assert_frame_equal(tables[0].paired, tables[1].paired, check_exact=True)
+    paths = [path for shape in figure.axes[0].collections for path in shape.get_paths()]
+    (band,) = (path for path in paths if len(path.vertices) > 3)
+    # from the smallest up, though nothing is accurate
+    assert band.vertices[:, 1].max() == 0.02
 
 
 def test_a_folder_that_cannot_be_made_is_refused(small, tmp_path):
     (tmp_path / "file").write_text("in the way")
-    assert "cannot be made" in rattle(small, "--out", tmp_path / "file" / "deeper", code=2).output
-    assert "cannot be read" in rattle(tmp_path / "absent.toml", code=2).output
+    out = tmp_path / "file" / "deeper"
+    assert "cannot be made" in rattle(f"study {small} --out {out}", code=2).output
+    assert "cannot be read" in rattle(f"study {tmp_path / 'absent.toml'}", code=2).output
 
 
 def off(scene, impacts):
@@ -310,20 +265,18 @@ def off(scene, impacts):
 
 
 def test_paths_on_the_itinerary_are_judged_apart_where_asked_for(tmp_path):
-    found = []
-    for more in ("", "on_itinerary = true\n"):
-        text = study_text(sigmas=(0.02, 0.1), paths=32_768).replace("paths =", f"{more}paths =", 1)
+    tables = []
+    for name in ("true", "false"):
+        text = study_text(sigmas=(0.02, 0.1), paths=32_768)
+        text = text.replace("paths =", f"on_itinerary = {name}\npaths =", 1)
         study = replace(Study.from_toml(text), closures=("saltation", "branching", off))
-        store = Store(tmp_path / CELLS_FOLDER)
-        run(study.cells, store, Runner(1))
-        found.append(tables_of(study, store))
-    without, apart = found
+        tables.append(compute(study, tmp_path / name))
+    apart, without = tables
     pd.testing.assert_frame_equal(apart.of_all_paths.reset_index(drop=True), without.errors)
     pd.testing.assert_frame_equal(apart.validity, without.validity)
-    rows = apart.errors[
-        (apart.errors["kind"] == "itinerary") & apart.errors["verdict"].isin(JUDGED)
-    ]
-    wrong = rows[(rows["closure"] == "off") & (rows["quantity"] == "y2") & (rows["moment"] == "sd")]
+    rows = apart.errors.query("kind == 'itinerary'")
+    rows = rows[rows["verdict"].isin(JUDGED)]
+    wrong = rows.query("closure == 'off' and quantity == 'y2' and moment == 'sd'")
     assert set(wrong["verdict"]) == {"inaccurate"}
     assert "inaccurate" not in set(rows[rows["closure"] == "branching"]["verdict"])
     assert "Of the paths on the noise-free itinerary alone:" in answer(apart)
@@ -332,26 +285,26 @@ def test_paths_on_the_itinerary_are_judged_apart_where_asked_for(tmp_path):
 def test_rare_branches_are_sampled_where_asked_for(tmp_path):
     """Three in a million paths make the sd of y1 at impact 11 3.8 times that of `saltation`: plain
     paths see none."""
-    found = []
     head = 'title = "rare"\nimpacts = 11\nclosures = ["saltation"]\npaths = 8192\n'
-    scene = (
-        Scene.from_gears(replace(DAT21, alpha=2.398)).to_toml()
-        + "[[axes]]\nsigma = [0.0, 0.00225778]\n"
+    scene = Scene.from_gears(replace(DAT21, alpha=2.398)).to_toml()
+    axis = "[[axes]]\nsigma = [0.0, 0.00225778]\n"
+    plain, near = (
+        compute(
+            Study.from_toml(f"[study]\n{head}near_branches = {name}\n{scene}{axis}"),
+            tmp_path / name,
+        ).errors.query("moment == 'sd'")
+        for name in ("false", "true")
     )
-    for more in ("", "near_branches = true\n"):
-        study = Study.from_toml(f"[study]\n{head}{more}\n{scene}")
-        store = Store(tmp_path / CELLS_FOLDER)
-        run(study.cells, store, Runner(1))
-        found.append(tables_of(study, store))
-    rows = [one.errors.query("sigma > 0 and moment == 'sd'") for one in found]
-    plain, near = (one.query("quantity == 'y1' and impact == 11").iloc[0] for one in rows)
-    assert (plain["verdict"], near["verdict"]) == ("undecided", "inaccurate")
-    assert abs(near["simulated"] - 0.0094) < 4.0 * (near["se"] + 0.0001)  # of 65,536 paths near it
-    assert near["paths"] == 32_768
-    still = [one.errors.query("sigma == 0").reset_index(drop=True) for one in found]
-    pd.testing.assert_frame_equal(*still)
-    others = [one.query("impact < 4") for one in rows]
-    assert others[0]["verdict"].tolist() == others[1]["verdict"].tolist()
+    at = "sigma > 0 and quantity == 'y1' and impact == 11"
+    (before,) = plain.query(at).to_dict("records")
+    (row,) = near.query(at).to_dict("records")
+    assert (before["verdict"], row["verdict"]) == ("undecided", "inaccurate")
+    assert abs(row["simulated"] - 0.0094) < 4.0 * (row["se"] + 0.0001)  # of 65,536 paths near it
+    assert row["paths"] == 32_768
+    same = "sigma == 0"
+    pd.testing.assert_frame_equal(plain.query(same), near.query(same))
+    early = "sigma > 0 and impact < 4"
+    assert plain.query(early)["verdict"].tolist() == near.query(early)["verdict"].tolist()
 
 
 @pytest.mark.parametrize(
@@ -366,16 +319,3 @@ def test_what_excludes_rare_branches_is_named(given, more, named):
     text = study_text(more=more).replace("paths = 4096", f"near_branches = true\n{given}")
     with pytest.raises(InputError, match=f"near_branches.*{named}"):
         _ = Study.from_toml(text).points
-
-
-def test_an_axis_may_be_named_like_a_column_of_the_tables(tmp_path):
-    """The column then holds the value along the axis, once."""
-    text = study_text(sigmas=(0.02,)).replace("paths = 4096", "")
-    study = Study.from_toml(f"{text}\n[[axes]]\npaths = [1024, 2048]\n")
-    store = Store(tmp_path / CELLS_FOLDER)
-    run(study.cells, store, Runner(1))
-    found = tables_of(study, store)
-    for table in (found.errors, found.sections, found.cost):
-        assert list(table).count("paths") == 1
-        assert set(table["paths"]) == {1024, 2048}
-    assert set(found.sections["followed"]) == {1024, 2048}

@@ -4,6 +4,7 @@ import re
 
 import numba
 import pytest
+from scipy.special import ndtri
 
 from rattle.closure import mean_map
 from rattle.compare.thresholds import messages  # noqa: F401
@@ -90,3 +91,10 @@ def said():
         return found.group(1)
 
     return saying
+
+
+@pytest.fixture(scope="session")
+def width():
+    """Half width of the intervals of so many rows at so many looks, as a session prints it: in
+    standard errors, normal, for a false alarm in one of a hundred tests (Bonferroni)."""
+    return lambda rows, looks=1: f"{-ndtri(0.005 / (rows * looks)):.2f}"

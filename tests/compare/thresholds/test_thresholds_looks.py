@@ -3,8 +3,6 @@ unless allowed."""
 
 import pytest
 
-from rattle.montecarlo.statistics.intervals import widest
-
 SUITE = """
 SCENE = Scene.from_gears(DAT21, sigma=0.02)
 
@@ -43,13 +41,13 @@ def test_a_gate_that_decides_nothing_fails_unless_that_is_allowed(run):
     assert refused.ret == pytest.ExitCode.TESTS_FAILED
 
 
-def test_more_paths_decide(run, said):
+def test_more_paths_decide(run, said, width):
     once = run(SUITE, "--rattle-budget=2048")
     once.assert_outcomes(failed=1)
-    assert said(once, r"intervals of (\S+) standard") == f"{widest(ROWS, 0.01):.2f}"
+    assert said(once, r"intervals of (\S+) standard") == width(ROWS)
     more = run(SUITE)
     more.assert_outcomes(passed=1)
-    assert said(more, r"intervals  (\S+) standard") == f"{widest(4 * ROWS, 0.01):.2f}"
+    assert said(more, r"intervals  (\S+) standard") == width(ROWS, 4)
 
 
 def test_a_look_that_cannot_decide_is_left_out(run, said, tmp_path):
@@ -68,10 +66,10 @@ def test_the_budget_that_the_message_asks_for_decides(run, said):
     run(suite.replace("budget=2048", f"budget={budget}")).assert_outcomes(passed=1)
 
 
-def test_an_accuracy_is_looked_at_once(run, said):
+def test_an_accuracy_is_looked_at_once(run, said, width):
     result = run(HOPELESS.replace("paths=2048", "accuracy=0.01"))
     result.assert_outcomes(failed=1)
-    assert said(result, r"intervals of (\S+) standard") == f"{widest(ROWS, 0.01):.2f}"
+    assert said(result, r"intervals of (\S+) standard") == width(ROWS)
     result.stdout.fnmatch_lines(
         ["Undecided is not passed: ask for a smaller accuracy than 0.01, or allow a larger error*"]
     )

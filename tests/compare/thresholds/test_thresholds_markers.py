@@ -5,8 +5,6 @@ from pathlib import Path
 
 import pytest
 
-from rattle.montecarlo.statistics.intervals import widest
-
 DAT21 = Path(__file__).resolve().parent / "example_suite" / "dat21.toml"
 HEAD = """
 S = Scene.from_gears(DAT21, sigma=0.02)
@@ -57,7 +55,7 @@ def marked(options, name="test_bad"):
     return f"\n@pytest.mark.rattle({options})\ndef {name}(rattle): pass\n"
 
 
-def test_bad_markers_are_errors_of_their_own_tests(run, pytester, said):
+def test_bad_markers_are_errors_of_their_own_tests(run, pytester, said, width):
     (pytester.path / "impossible.toml").write_text(
         DAT21.read_text().replace("epsilon = 0.9", "epsilon = 1.9")
     )
@@ -71,7 +69,7 @@ def test_bad_markers_are_errors_of_their_own_tests(run, pytester, said):
     for i, message in enumerate(BAD_MARKERS.values()):
         assert message in shown[f"test_{i}"]
     assert "its marker has no effect; let the test take the fixture 'rattle'" in shown["test_idle"]
-    z = f"{widest(4 * GOOD_ROWS, 0.01):.2f}"  # as if the others were not there
+    z = width(GOOD_ROWS, 4)  # as if the others were not there
     assert said(result, r"intervals  (\S+) standard errors, ") == z
 
 

@@ -7,7 +7,6 @@ import pandas as pd
 import pytest
 
 from rattle import DAT21, InputError, Scene
-from rattle.compare.stationary.page import _off_by
 from rattle.compare.thresholds.claim import read_claim
 from rattle.compare.thresholds.decision import predict_long
 from rattle.compare.thresholds.messages import PATHS_OF_AN_HOUR, describe_undecided, remedies
@@ -34,22 +33,31 @@ def test_a_budget_is_suggested_only_where_it_can_be_waited_for(columns, kind):
         assert "e+" not in said
 
 
-def test_section_moments_among_quantities_of_the_long_run_are_sent_to_the_marker():
-    for given in ("tau", ["rate", "y1"]):
-        with pytest.raises(
-            InputError,
-            match=r"quantities = '(tau|y1)': is a moment at each impact: name it in the marker",
-        ):
-            predict_long("corrected", SCENE, given)
-    with pytest.raises(InputError, match="quantities = 'rat': did you mean 'rate'"):
-        predict_long("corrected", SCENE, "rat")
-    values = predict_long(lambda scene, names: {"rate": 2.0}, SCENE, "rate").values
-    assert values == {"rate": 2.0}
+PAIR = Scene(alpha=0.25, epsilon=0.5, beta1=0.02, gamma1=0.0, stages=1, sigma=0.002)
+SECTION = "is a moment at each impact: name it in the marker"
 
 
 @pytest.mark.parametrize(
-    ("autocorrelation", "said"), [(0.25, "2 times too large"), (4.0, "2 times too small")]
+    ("model", "quantities", "message"),
+    [
+        ("saltation", ["ratio"], "quantities"),
+        ("saltation", [], "quantities"),
+        ("saltation", "rat", "quantities = 'rat': did you mean 'rate'"),
+        ("saltation", "tau", f"quantities = 'tau': {SECTION}"),
+        ("saltation", ["rate", "y1"], f"quantities = 'y1': {SECTION}"),
+        ("linear", ["rate"], "closure"),
+        (lambda scene, names: {}, ["rate"], "missing"),
+        (3, ["rate"], "model"),
+        (lambda scene, names: {"rate": float("nan")}, ["rate"], "not predicted"),
+    ],
 )
-def test_an_error_is_too_large_or_too_small_by_more_than_one(autocorrelation, said):
-    assert _off_by(autocorrelation) == said
-    assert _off_by(1.32) == "1.1 times too small"
+def test_bad_claims_about_the_long_run_are_refused(model, quantities, message):
+    with pytest.raises(InputError, match=message):
+        predict_long(model, PAIR, quantities)
+
+
+def test_a_claim_about_the_long_run_is_predicted_where_it_can_be():
+    with pytest.raises(InputError, match="chaotic"):
+        predict_long("saltation", SCENE, ["rate"])
+    values = predict_long(lambda scene, names: {"rate": 2.0}, SCENE, "rate").values
+    assert values == {"rate": 2.0}

@@ -1,15 +1,10 @@
 """The plugin as its users meet it: pytest on suites of tests."""
 
 import re
-import shutil
 from pathlib import Path
 
 import pytest
 from programs import python
-
-from rattle.montecarlo.statistics.intervals import widest
-
-HERE = Path(__file__).resolve().parent
 
 SUITE = """
 pytestmark = pytest.mark.rattle(scene=Scene.from_gears(DAT21, sigma=0.02), impacts=2, paths=2048)
@@ -48,14 +43,14 @@ def test_not_marked_by_itself():
 LOOKS = 4
 
 
-def test_three_outcomes_and_planted_errors(run, said):
+def test_three_outcomes_and_planted_errors(run, said, width):
     result = run(SUITE, "-rA")
     result.assert_outcomes(passed=3, failed=4)
     text = result.stdout.str()
     assert re.search(r"FAILED .*::test_fails", text)
     assert re.search(r"FAILED .*::test_planted\[wrong_sd\]", text)
     assert re.search(r"FAILED .*::test_planted\[wrong_mean\]", text)
-    low, high = (f"{widest(rows * LOOKS, 0.01):.2f}" for rows in (4, 12))
+    low, high = (width(rows, LOOKS) for rows in (4, 12))
     result.stdout.fnmatch_lines(
         [f"intervals  {low} to {high} standard errors, so that a test whose claim is true *0.01"]
     )
@@ -118,21 +113,6 @@ def test_workers_of_xdist_give_one_summary(run_workers):
     result.assert_outcomes(passed=3, failed=4)
     result.stdout.fnmatch_lines(
         ["checks * 58 rows in 6 tests*", "intervals  3.42 to 3.71 standard errors*"]
-    )
-
-
-def test_the_example_suite_holds(pytester, ensembles):
-    shutil.copytree(HERE / "example_suite", pytester.path / "gate")
-    result = pytester.runpytest_inprocess(
-        "-p",
-        "rattle.compare.thresholds.plugin",
-        f"--rattle-cache={ensembles}",
-        "--import-mode=importlib",
-        "gate",
-    )
-    result.assert_outcomes(passed=5)
-    result.stdout.fnmatch_lines(
-        ["checks * 70 rows in 4 tests: 70 passed, 0 failed, 0 undecided", "*1 as recorded*"]
     )
 
 

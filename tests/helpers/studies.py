@@ -1,4 +1,4 @@
-"""Small studies that the tests run, and cells that go wrong."""
+"""Small studies that the tests run, cells that go wrong, and the engine that computes cells."""
 
 import os
 import signal
@@ -7,8 +7,26 @@ from dataclasses import dataclass
 from commands import study
 
 from rattle import InputError
-from rattle.compare.study.cells import Prediction
+from rattle.compare.engine.run import CELLS_FOLDER, LOG_FILE, Runner, obtain_all, run
+from rattle.compare.engine.store import Store
+from rattle.compare.study.cells import Prediction, Sample
 from rattle.compare.study.design import combine, read_results
+
+__all__ = [
+    "CELLS_FOLDER",
+    "LOG_FILE",
+    "Deadly",
+    "Prediction",
+    "Refused",
+    "Runner",
+    "Sample",
+    "Store",
+    "compute",
+    "obtain_all",
+    "run",
+    "study_text",
+    "tables_of",
+]
 
 
 def study_text(sigmas=(0.01, 0.02, 0.05), paths=4096, impacts=2, common="true", more=""):
@@ -21,6 +39,13 @@ def study_text(sigmas=(0.01, 0.02, 0.05), paths=4096, impacts=2, common="true", 
 def tables_of(study, store):
     """The tables of what is stored."""
     return combine(study, read_results(study, store))
+
+
+def compute(study, folder, workers=1):
+    """Compute the cells of a study; its tables."""
+    store = Store(folder / CELLS_FOLDER)
+    run(study.cells, store, Runner(workers))
+    return tables_of(study, store)
 
 
 @dataclass(frozen=True)

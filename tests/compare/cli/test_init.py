@@ -1,0 +1,87 @@
+"""The scene file that ``rattle init`` writes: it loads, it has every key, and what it comments out
+can be taken in."""
+
+import math
+import re
+import tomllib
+from dataclasses import fields, replace
+
+import pytest
+from commands import rattle
+
+from rattle import DAT21, Gears, Scene, Start, Tolerance
+
+
+@pytest.fixture
+def file(tmp_path):
+    rattle(f"init {tmp_path / 'gears.toml'}")
+    return tmp_path / "gears.toml"
+
+
+def test_it_loads_and_replaces_nothing(file, tmp_path):
+    expected = Scene.from_gears(DAT21, sigma=0.08).constants[:11]
+    assert Scene.load(file).constants[:11] == pytest.approx(expected, rel=1e-12)
+    file.write_text("mine")
+    assert "exists already" in rattle(f"init {file}", code=2).output
+    assert file.read_text() == "mine"
+    rattle(f"init {tmp_path / 'none' / 'gears.toml'}", code=2)
+
+
+def test_it_has_every_key(file):
+    text = file.read_text()
+    tables = {"gears", "start", "tolerance", "drive"}
+    keys = {field.name for kind in (Gears, Scene, Start, Tolerance) for field in fields(kind)}
+    assert not [key for key in keys - tables if f"{key} = " not in text]
+    assert "[[drive]]" in text
+
+
+def test_a_file_without_noise_is_said_to_have_none_once(file):
+    file.write_text(file.read_text().replace("sigma = 0.08 ", "# "))
+    for words in ("--accuracy 0.05", "--paths 100 --scheme euler-maruyama"):
+        said = rattle(f"simulate {file} --impacts 2 {words}").output
+        assert said.count(f"{file}: no sigma, so there is no noise") == 1
+        assert not re.search(r"moves the noise-free path by .* sd", said)
+        said = rattle(f"simulate {file} --impacts 2 {words} --sigma 0.1").output
+        assert "no sigma" not in said
+
+
+def test_the_mean_rotation_that_is_commented_out_adds_to_the_drag(file):
+    text = file.read_text()
+    for name in ("speed_rpm", "driver_radius"):
+        text = text.replace(f"# {name} = ", f"{name} = ")
+    gears = Scene.from_toml(text).gears
+    speed = 2.0 * math.pi * 800.0 / 60.0 * 30.0
+    assert gears.torque1 == pytest.approx(100.0 + 100.0 * speed / 41.0)
+    assert gears.torque2 == pytest.approx(50.0 + 100.0 * speed / 26.4)
+
+
+def test_what_is_commented_out_can_be_taken_in(file):
+    lines = file.read_text().splitlines()
+
+    def begins(text):
+        return next(i for i, line in enumerate(lines) if line.startswith(f"# {text}"))
+
+    def taken(first, rows=None):
+        return [line.removeprefix("# ") for line in lines[first:][:rows]]
+
+    begin = begins("[scene.tolerance]")
+    scene = Scene.from_toml("\n".join([*lines[:begin], *taken(begin, 5)]))
+    assert scene.tolerance == Tolerance(0.05, 0.05)
+    begin = begins("[gears.tolerance]")
+    drawn = Scene.from_toml("\n".join([*lines[:begin], *taken(begin, 5), *lines[begin + 5 :]]))
+    assert drawn.tolerance.variances == pytest.approx(scene.tolerance.variances)
+    assert replace(drawn, tolerance=None) == replace(scene, tolerance=None)
+    plain = Scene(
+        **tomllib.loads("\n".join(taken(begins("alpha = 1.5              # amplitude of"))))
+    )
+    assert plain.constants[:11] == pytest.approx((*drawn.constants[:9], 0.0, 2), abs=1e-6)
+
+
+def test_what_it_recommends_answers_in_seconds_whatever_the_gears_are(tmp_path, monkeypatch):
+    """A number of paths, not an accuracy, which a soft pair reaches after minutes."""
+    monkeypatch.chdir(tmp_path)
+    words = re.search(r"in seconds: rattle (.*)", rattle("init gears.toml").output)[1]
+    assert "--paths 10000" in words
+    soft = (tmp_path / "gears.toml").read_text().replace("epsilon = 0.9", "epsilon = 0.3")
+    (tmp_path / "gears.toml").write_text(soft)
+    assert "10,000 paths" in rattle(words).output

@@ -1,0 +1,23 @@
+"""What the tests of several folders share."""
+
+from pathlib import Path
+
+import pytest
+from commands import rattle
+
+
+@pytest.fixture(scope="session")
+def validated(tmp_path_factory):
+    """A small report of ``rattle validate``, with its figures."""
+    out = tmp_path_factory.mktemp("reports") / "small"
+    rattle(
+        "validate --sigma 0.1 --sigma 1.0 --seed 5 --paths 600 --impacts 3 --dt 0.01"
+        f" --validity 0.01:1:3 --validity-paths 600 --out {out}"
+    )
+    return out
+
+
+@pytest.fixture(scope="session")
+def pair():
+    """The file of an engineer's gear pair, whose teeth stick and chatter."""
+    return Path(__file__).parent / "cli" / "pair.toml"
