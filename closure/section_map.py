@@ -19,7 +19,7 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 
 from rattle.scene import Constants, Floats, Ints, Scene, Tolerance, memory
-from rattle.scene.compiled import internal, jit, shared
+from rattle.scene.compiled import internal, jit
 from rattle.scene.elementary import each, exponentials, gauss_legendre
 from rattle.scene.flight import field, field_rate, jacobian, system_matrix
 from rattle.scene.linear_algebra import add_outer, apply, put_scaled, times, transform
@@ -138,7 +138,7 @@ def start_pieces(scene: Scene) -> Pieces:
     return Pieces(weight, mean, variance)
 
 
-@shared
+@internal
 def column(mesh: Number, side: Number) -> Number:
     """Index of a flank's deviation in the section state; of arrays, one by one."""
     return 3 + 2 * mesh + (side < 0)
@@ -185,7 +185,7 @@ class LinearFlight(NamedTuple):
     turned: Floats  # derivative by the time of the start of the effect of the memory; (k,)
 
 
-@shared
+@internal
 def linearise_flight(
     c: Constants, tau: float, after: Floats, t: float, before: Floats
 ) -> LinearFlight:
@@ -231,7 +231,7 @@ def section_derivatives(c: Constants, at: Impacts, d: int) -> tuple[Floats, Floa
     return first, second, np.array(bent)
 
 
-@shared
+@internal
 def section_index(k: int, d: int) -> int:
     """Index of component k of the state, the last of which is a memory, in the section state."""
     return 1 + k if k < 4 else d - 1

@@ -35,7 +35,7 @@ from filelock import FileLock, Timeout
 from numba.core import event, types
 from numba.core.compiler import CompileResult
 from numba.core.runtime.nrt import rtsys
-from numba.extending import intrinsic, register_jitable
+from numba.extending import intrinsic
 
 from rattle.scene import compile_ahead
 from rattle.scene.progress import compiling, print_on_stderr, watch_compiler
@@ -392,67 +392,67 @@ def keep(function: D) -> D:
 
 keep_by_source()
 watch_compiler()
+INTERPRETED = bool(getattr(numba.config, "DISABLE_JIT", False))
 OPTIONS: dict[str, Any] = {"nogil": True, "no_cfunc_wrapper": True, "error_model": "numpy"}
-LEAN: dict[str, Any] = OPTIONS | {"_nrt": False}
-INTERNAL: dict[str, Any] = OPTIONS | {"no_cpython_wrapper": True}
-LEAN_INTERNAL: dict[str, Any] = LEAN | {"no_cpython_wrapper": True}
-INLINE: dict[str, Any] = LEAN_INTERNAL | {"forceinline": True}
+"""Compiled code releases the interpreter lock.
+
+Division follows IEEE rules instead of raising: a branch on every division keeps LLVM from
+vectorising the loops over paths.  No fast-math: results do not depend on how a loop over paths is
+cut.  What is not set a function that compiled code calls takes from its first caller.
+"""
+LEAN = OPTIONS | {"_nrt": False}
+INTERNAL = OPTIONS | {"no_cpython_wrapper": True}
+INLINE = LEAN | {"no_cpython_wrapper": True, "forceinline": True}
 
 
 def jit(function: Callable[P, R]) -> Callable[P, R]:
-    """Compile a function with numba, keep the machine code on disk, and release the interpreter
-    lock while it runs.
-
-    Division follows IEEE rules instead of raising: a branch on every division keeps LLVM from
-    vectorising the loops over paths.  No fast-math: results do not depend on how a loop over paths
-    is cut.
-    """
+    """Compile a function that Python calls, and keep its machine code on disk."""
     return cast(Callable[P, R], keep(numba.njit(**OPTIONS)(function)))
 
 
 def lean(function: Callable[P, R]) -> Callable[P, R]:
     """As `jit`, without reference counting: for functions that allocate no arrays and take views
-    only."""
+    only.
+
+    With it the kernels of the paths would take a quarter more time to compile.
+    """
     return cast(Callable[P, R], keep(numba.njit(**LEAN)(function)))
 
 
 def internal(function: Callable[P, R]) -> Callable[P, R]:
-    """As `jit`, for a function that compiled code alone calls: Python cannot call it, and its
-    callers keep its code."""
-    return cast(Callable[P, R], numba.njit(**INTERNAL)(function))
-
-
-def lean_internal(function: Callable[P, R]) -> Callable[P, R]:
-    """As `lean`, for compiled callers alone, as `internal` is."""
-    return cast(Callable[P, R], numba.njit(**LEAN_INTERNAL)(function))
-
-
-def shared(function: Callable[P, R]) -> Callable[P, R]:
-    """Compile a function for its compiled callers alone; in Python it runs as it stands: for what
-    is called rarely."""
-    return register_jitable(**OPTIONS)(function)
-
-
-def shared_inline(function: Callable[P, R]) -> Callable[P, R]:
-    """As `shared`, and always inlined as `inline` does: for a formula that both Python and loops
-    over paths need."""
-    return register_jitable(**INLINE)(function)
+    """Compile a function for its compiled callers, which keep its code; Python runs it as it
+    stands."""
+    return _compile_for_callers(function, INTERNAL)
 
 
 def inline(function: Callable[P, R]) -> Callable[P, R]:
-    """As `lean_internal`, and always inlined by LLVM: a loop over paths vectorises only when its
-    body calls nothing."""
-    return cast(Callable[P, R], numba.njit(**INLINE)(function))
+    """As `internal`, and LLVM always inlines it: a loop over paths vectorises only when its body
+    calls nothing."""
+    return _compile_for_callers(function, INLINE)
 
 
 def splice(function: Callable[P, R]) -> Callable[P, R]:
     """Inline a function into its caller before type inference: branches on the caller's constants
     are removed.
 
-    A function with one caller compiles faster so: by itself it would be optimised, and then again
-    within its caller. Other functions do not: the copy is typed and optimised again in each caller.
+    A function with one caller compiles faster so (`branching` as a whole by a tenth): by itself it
+    would be optimised, and then again within its caller. Other functions do not: the copy is typed
+    and optimised again in each caller.
     """
     return cast(Callable[P, R], numba.njit(inline="always")(function))
+
+
+def _compile_for_callers(function: Callable[P, R], options: dict[str, Any]) -> Callable[P, R]:
+    """Have numba take a function for a compiled one.
+
+    Numba's `register_jitable` would do so too, and compile it once more for each set of options of
+    its callers.
+    """
+    if not INTERPRETED:
+        known: Any = function
+        known.compiled = numba.njit(**options)(function)  # numba's type refers to it weakly
+        known._numba_type_ = known.compiled._numba_type_
+    return function
 
 
 def emulate_fma(a: float, b: float, c: float) -> float:
@@ -488,8 +488,6 @@ def _widest_vectors(_context: Any) -> Any:
 def _nothing() -> None:
     """Stands for `widest_vectors` where the compiler is off."""
 
-
-INTERPRETED = bool(getattr(numba.config, "DISABLE_JIT", False))
 
 fma = cast(Callable[[float, float, float], float], emulate_fma if INTERPRETED else _fma)
 """``fma(a, b, c)``: ``a * b + c`` rounded once, by an instruction in compiled code; emulated where

@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 from rattle.montecarlo.noise.philox import MEMORY, Key, Word, normals
 from rattle.scene import Floats
-from rattle.scene.compiled import lean, lean_internal, widest_vectors
+from rattle.scene.compiled import internal, lean, widest_vectors
 
 
 class Memory(NamedTuple):
@@ -52,7 +52,7 @@ def begin_memory(theta: float, key: Key, first: int, eta: Floats) -> None:
         eta[p] = sd * normals(key, Word(first + p), Word(0), Word(MEMORY))[0]
 
 
-@lean_internal
+@internal
 def color_increments(m: Memory, eta: Floats, z: Floats, lanes: int) -> None:
     """Turn a step's normals into integrals of the process, in place.  Vectorises."""
     widest_vectors()
@@ -63,7 +63,7 @@ def color_increments(m: Memory, eta: Floats, z: Floats, lanes: int) -> None:
         eta[p] = after
 
 
-@lean_internal
+@internal
 def color_noise(m: Memory, eta: Floats, w: Floats, area: Floats, lanes: int) -> None:
     """Turn the two normals of a step into integral and area of the process, in place.
     Vectorises."""

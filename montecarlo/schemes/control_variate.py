@@ -18,7 +18,7 @@ from rattle.montecarlo.noise.philox import Word
 from rattle.montecarlo.schemes.short_flight import kick
 from rattle.montecarlo.statistics.central_sums import CentralSums
 from rattle.scene import SECTION, Bools, Constants, Floats, Ints, Scene
-from rattle.scene.compiled import lean_internal
+from rattle.scene.compiled import internal
 from rattle.scene.flight import field, jacobian
 from rattle.scene.impact import slowest_impact
 from rattle.scene.linear_algebra import product, transform
@@ -171,7 +171,7 @@ def linear_path(scene: Scene, impacts: int, dt: float) -> LinearPath:
     return program
 
 
-@lean_internal
+@internal
 def carry_along(
     path: LinearPath,
     n: int,

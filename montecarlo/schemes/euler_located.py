@@ -22,7 +22,7 @@ from rattle.montecarlo.schemes.short_flight import Phase, no_phase
 from rattle.montecarlo.schemes.step_state import SPLITS, TOGETHER, Inside, Progress, Walls
 from rattle.montecarlo.schemes.sticking import stays_open, stick_to_end
 from rattle.scene import Bools, Constants
-from rattle.scene.compiled import inline, lean, lean_internal, splice
+from rattle.scene.compiled import inline, internal, lean, splice
 
 
 @inline
@@ -32,7 +32,7 @@ def leaves(h: float, x: float, y: float, high: float, low: float) -> bool:
     return (end > high) | (end < -low)
 
 
-@lean_internal
+@internal
 def step_lanes(
     c: Constants, tau: float, h: float, toleranced: bool, lanes: Lanes, beyond: Bools, live: int
 ) -> None:
@@ -61,7 +61,7 @@ def step_lanes(
         x1[p], y1[p], x2[p], y2[p] = euler_step(c, f, h, x1[p], y1[p], x2[p], y2[p], z[p])
 
 
-@lean_internal
+@internal
 def _part_of_step(
     c: Constants, tau: float, s: float, increment: float, x1: float, y1: float, x2: float, y2: float
 ) -> tuple[float, float, float, float]:

@@ -1,6 +1,5 @@
 """Functions compiled here beside a user's own functions of numba."""
 
-import ast
 import os
 import subprocess
 import sys
@@ -8,7 +7,6 @@ import sys
 import numba
 import numpy as np
 import pytest
-import source_tree
 from programs import python
 
 from rattle import Scene
@@ -94,25 +92,3 @@ def test_two_processes_fill_one_cache_and_compile_once(tmp_path):
     for out, _ in said:
         assert out.split()[0] == b"2.5"
     assert python("-c", CODE, NUMBA_CACHE_DIR=str(tmp_path)).stdout.split() == ["2.5", "1"]
-
-
-def test_what_python_runs_calls_nothing_that_compiled_code_alone_can_call():
-    """A shared function runs as it stands in Python, where a call of an internal one ends the
-    process."""
-    kinds = {}
-    calls = {}
-    for tree in source_tree.sources().values():
-        for node in source_tree.functions(tree):
-            marks = {mark.id for mark in node.decorator_list if isinstance(mark, ast.Name)}
-            kinds |= dict.fromkeys([node.name] * bool(marks), marks)
-            calls[node.name] = {
-                c.func.id
-                for c in ast.walk(node)
-                if isinstance(c, ast.Call) and hasattr(c.func, "id")
-            }
-    shared = [name for name, marks in kinds.items() if "shared" in marks]
-    assert shared
-    for name in shared:
-        assert not [
-            other for other in calls[name] if kinds.get(other, set()) & {"internal", "inline"}
-        ], name
