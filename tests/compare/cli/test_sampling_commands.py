@@ -10,7 +10,7 @@ from rattle.closure import CLOSURES, mean_map
 from rattle.compare.warm_up import tasks
 from rattle.montecarlo import SCHEMES, simulate, simulate_rare
 from rattle.montecarlo.long_run import long_run
-from rattle.scene import DAT21, Scene, Tolerance, compiled
+from rattle.scene import DAT21, Scene, Tolerance, compiled, progress
 
 
 def test_simulate_prints_moments_and_writes_the_whole_table(tmp_path):
@@ -106,7 +106,7 @@ def test_after_warming_up_nothing_is_compiled():
     )
     for task in found.values():
         task()
-    before = compiled.count_compiled()
+    before = progress.compiler.functions
     for scene in (
         Scene.from_gears(DAT21, sigma=0.3),
         Scene.from_gears(DAT21, sigma=0.3, stages=1),
@@ -118,7 +118,7 @@ def test_after_warming_up_nothing_is_compiled():
             assert simulate(scene, paths=40, impacts=3, scheme=name).diagnostics is not None
         long_run(scene, paths=16, periods=64)
     simulate_rare(Scene.from_gears(DAT21, sigma=0.1), paths=32_768, impacts=3)
-    assert compiled.count_compiled() == before
+    assert progress.compiler.functions == before
 
 
 def test_warming_up_without_a_folder_says_what_to_do(monkeypatch):
