@@ -220,7 +220,16 @@ class Kept(NUMBAS_CACHE):  # type: ignore[misc]
     - Before it reads, it describes all that it can compile (0.3 s of every start), which only a
       function that is not kept needs.
     - It sees no edit of a file that a function calls into, while a process runs.
+    - A compiled function that a function closes over has another key in each process there; here
+      its name, since the folder is that of its source.
     """
+
+    def _index_key(self, signature: Any, codegen: Any) -> Any:
+        """What tells the machine code of a function apart: types, processor, code, and what it
+        closes over."""
+        cells = [cell.cell_contents for cell in self._py_func.__closure__ or ()]
+        names = [f"{x.__module__}.{x.__qualname__}" if callable(x) else x for x in cells]
+        return signature, codegen.magic_tuple(), self._py_func.__code__.co_code, repr(names)
 
     def load_overload(self, signature: Any, target_context: Any) -> Any:
         """Machine code from the disk; None where it has to be compiled."""
