@@ -9,7 +9,7 @@ from numpy.polynomial import hermite_e
 
 from rattle.closure.exponentials import exponentials
 from rattle.scene import Floats
-from rattle.scene.compiled import jit, shared
+from rattle.scene.compiled import internal, jit
 from rattle.scene.flight import NODES, WEIGHTS
 from rattle.scene.moments import SMALLEST_DIVISOR
 from rattle.scene.numpy_errors import numpy_defaults
@@ -133,7 +133,7 @@ def window_means(
     return sd_x * mean_x, sd_y * mean_y
 
 
-@shared
+@internal
 def window_shift(raw: Floats, x: float, half_window: float, published: bool) -> tuple[float, float]:
     """Shift of a stage's mean displacement and velocity (Eqs. 20, 21) for walls at
     ``+-half_window``.

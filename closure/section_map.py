@@ -20,7 +20,7 @@ import numpy as np
 
 from rattle.closure.exponentials import exponentials
 from rattle.scene import Constants, Floats, Ints, Scene, Tolerance, memory
-from rattle.scene.compiled import internal, jit, shared
+from rattle.scene.compiled import internal, jit
 from rattle.scene.elementary import each, gauss_legendre
 from rattle.scene.flight import field, field_rate, jacobian, system_matrix
 from rattle.scene.linear_algebra import add_outer, apply, put_scaled, times, transform
@@ -139,7 +139,7 @@ def start_pieces(scene: Scene) -> Pieces:
     return Pieces(weight, mean, variance)
 
 
-@shared
+@internal
 def column(mesh: Number, side: Number) -> Number:
     """Index of a flank's deviation in the section state; of arrays, one by one."""
     return 3 + 2 * mesh + (side < 0)
@@ -186,7 +186,7 @@ class LinearFlight(NamedTuple):
     turned: Floats  # derivative by the time of the start of the effect of the memory; (k,)
 
 
-@shared
+@internal
 def linearise_flight(
     c: Constants, tau: float, after: Floats, t: float, before: Floats
 ) -> LinearFlight:
@@ -232,7 +232,7 @@ def section_derivatives(c: Constants, at: Impacts, d: int) -> tuple[Floats, Floa
     return first, second, np.array(bent)
 
 
-@shared
+@internal
 def section_index(k: int, d: int) -> int:
     """Index of component k of the state, the last of which is a memory, in the section state."""
     return 1 + k if k < 4 else d - 1

@@ -1,8 +1,7 @@
 """Small runs that compile what the commands need, shared by several processes; how long each
 function takes.
 
-A task is run by one process.  A file in the folder of machine code says that it is done, and names
-what it needs there: where a name is missing the task is run again.
+A task is run by one process.  A file in the folder of machine code says that it is done.
 """
 
 import hashlib
@@ -137,49 +136,32 @@ class DoneTasks:
     kind: str
 
     def mark(self, task: str) -> Path:
-        """The file that says that a task is done."""
-        return (
-            self.place
-            / f"task-{hashlib.sha256(f'{self.kind} {task}'.encode()).hexdigest()[:16]}.txt"
-        )
-
-    def is_done(self, task: str) -> bool:
-        """Whether all machine code of a task is kept."""
-        with suppress(OSError):
-            return set(self.mark(task).read_text().split("\n")) <= set(os.listdir(self.place))
-        return False
+        """The empty file that says that a task is done."""
+        digest = hashlib.sha256(f"{self.kind} {task}".encode()).hexdigest()[:16]
+        return self.place / f"task-{digest}.done"
 
     def count(self) -> int:
         """How many functions are kept."""
-        return sum(1 for _ in self.place.glob("*.nbc"))
+        return sum(1 for _ in self.place.rglob("*.nbc"))
 
     def run(self, name: str, task: Task, wait: float) -> bool:
         """Run a task, unless it is done or another process still runs it after so many seconds;
         whether it is done."""
-        lock = FileLock(self.mark(name).with_suffix(".lock"))
+        mark = self.mark(name)
+        lock = FileLock(mark.with_suffix(".lock"))
         with suppress(OSError, NotImplementedError):  # without a lock where none can be had
             try:
                 lock.acquire(timeout=wait)
             except Timeout:
                 return False
         try:
-            if not self.is_done(name):
+            if not mark.exists():
                 task()
-                self._note(name)
                 with suppress(OSError):
-                    Path(lock.lock_file).unlink(missing_ok=True)
+                    mark.touch()
         finally:
             lock.release()
         return True
-
-    def _note(self, name: str) -> None:
-        from rattle.scene.compiled import files_used
-
-        mark = self.mark(name)
-        scratch = mark.with_suffix(f".{os.getpid()}")
-        with suppress(OSError):
-            scratch.write_text("\n".join(sorted(files_used())))
-            scratch.replace(mark)
 
 
 def compile_tasks(found: Mapping[str, Task], kept: DoneTasks, wait: float = 0.0) -> Iterator[str]:
@@ -198,10 +180,12 @@ def compile_tasks(found: Mapping[str, Task], kept: DoneTasks, wait: float = 0.0)
 
 def kept_tasks(orders: int = 1) -> DoneTasks | None:
     """Where it is noted which tasks are done; None where no machine code is kept."""
-    from rattle.scene.compiled import folder, processor
+    from rattle.scene.compiled import folder, processor, source_stamp
 
     place = folder()
-    return None if place is None else DoneTasks(place, f"{processor()} {min(orders, 2)}")
+    if place is None:
+        return None
+    return DoneTasks(place, f"{processor()} {source_stamp()} {min(orders, 2)}")
 
 
 def help_parent(wanted: str) -> None:

@@ -1,11 +1,11 @@
-"""How physics is compiled: the numba options, where machine code is kept, instructions that numba
+"""How physics is compiled: five decorators, where machine code is kept, instructions that numba
 has no name for.
 
-Machine code is kept in a folder of the user's own, named by the sources that it was made from.
+Numba keeps machine code in a folder of the user's own, named by the sources that it was made from.
 Cached files are unpickled and executed, so whoever can write to the folder can run code as you: it
-is used only where you own it and nobody else has access (mode 0700).  What is missing, damaged, of
-another function or cannot be read is compiled again. Where a source has been edited since this
-process began, nothing is taken from the folder or put into it.
+is used only where you own it and nobody else has access (mode 0700).  What is missing, damaged or
+cannot be read is compiled again. Where a source has been edited since this process began, nothing
+is taken from the folder or put into it.
 
 A compiler that may contract ``a * b + c`` does so on one processor and not on another.  Here the
 source says where it happens (`fma`), and every processor gives the same bits: by an instruction
@@ -16,14 +16,13 @@ import gc
 import hashlib
 import math
 import os
-import pickle
 import platform
 import shutil
 import tempfile
-import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from fractions import Fraction
+from functools import cache
 from pathlib import Path
 from typing import Any, ParamSpec, TypeVar, cast
 
@@ -31,14 +30,14 @@ import llvmlite
 import llvmlite.binding
 import numba
 import numpy as np
-from filelock import FileLock, Timeout
+from filelock import FileLock
 from numba.core import event, types
-from numba.core.compiler import CompileResult
+from numba.core.caching import FunctionCache
 from numba.core.runtime.nrt import rtsys
-from numba.extending import intrinsic, register_jitable
+from numba.extending import intrinsic
 
 from rattle.scene import compile_ahead
-from rattle.scene.progress import compiling, print_on_stderr, watch_compiler
+from rattle.scene.progress import compiler, print_on_stderr
 from rattle.scene.sources import (
     PACKAGES,
     ROOT,
@@ -54,22 +53,19 @@ from rattle.scene.sources import (
 TAKEN = ("scene/compiled.py", "scene/types.py", "montecarlo/schemes/step_state.py")
 """Beside the sources that import the compiler, what compiled code takes."""
 COMPILED = b"from rattle.scene." + b"compiled import"  # in two, since this source is not compiled
-NUMBAS_RESULT: Any = CompileResult  # both typed as Any: numba has no type hints
+CONFIG: Any = numba.config  # these three typed as Any: numba has no type hints
 EVENTS: Any = event
+NUMBAS_CACHE: Any = FunctionCache
 
-CHECKSUM = hashlib.sha256().digest_size
-LONGEST_WAIT = 60.0  # seconds for what another process compiles: no function takes half as long
-GARBAGE = 20_000, 10, 10  # thresholds of Python's garbage collector while a function is compiled
+LONGEST_WAIT = 10.0  # seconds for another process that writes what it has compiled: milliseconds
+GARBAGE = 20_000  # objects between two collections of garbage while a function is compiled
 
-D = TypeVar("D")
 P = ParamSpec("P")
 R = TypeVar("R")
 
 _folder: Path | None = None  # the cache folder; None where there is none
 _warnings: list[str] = []  # printed when the first function is compiled
-_compiled = 0  # functions that this process has compiled
 _refused: set[str] = set()  # why machine code is not kept, which is printed once
-_used: set[str] = set()  # names of the files that this process has read or written
 _anew = False  # whether functions are compiled although their machine code is kept
 
 
@@ -92,8 +88,9 @@ def compiled_digest(sources: dict[str, SourceFile]) -> str:
     """Digest of the sources of all compiled code and of the versions of the libraries that compile
     it.
 
-    All other sources may change freely, and so may comments and docstrings.  The processor is not
-    part of it: it is part of the name of each file.
+    All other sources may change freely.  A comment has the functions of its own file compiled
+    again, by numba's own check of that file.  The processor is not part of it: numba distinguishes
+    processors within a file.
     """
     return digest_of(sources, numba.__version__, llvmlite.__version__, np.__version__)
 
@@ -116,12 +113,11 @@ def keep_by_source() -> None:
     mine = f"rattle-{os.geteuid()}-{hashlib.sha256(os.fsencode(ROOT)).hexdigest()[:8]}-"
     refused = []
     for place in _places():
-        _folder = place / (mine + DIGEST)
-        if _is_private(_folder):
+        if _is_private(place / (mine + DIGEST)):
+            _folder = (place / (mine + DIGEST)).absolute()
             break
         refused.append(place)
     else:
-        _folder = None
         print_on_stderr(f"{refused[0]} cannot be written: machine code is not kept")
         return
     if refused:
@@ -134,17 +130,14 @@ def keep_by_source() -> None:
 def _places() -> Iterator[Path]:
     """Where the folder may be: as told, in this installation, in the user's cache, among the
     temporary files."""
-    with suppress(FileNotFoundError):  # of a relative path, where the current folder was removed
-        if os.environ.get("NUMBA_CACHE_DIR"):
-            yield Path(os.environ["NUMBA_CACHE_DIR"]).absolute()
+    if told := os.environ.get("NUMBA_CACHE_DIR"):
+        yield Path(told)
     yield ROOT / "scene" / "__pycache__"
-    with suppress(FileNotFoundError):
-        if os.environ.get("XDG_CACHE_HOME"):
-            yield Path(os.environ["XDG_CACHE_HOME"]).absolute()
-        elif os.environ.get("HOME"):
-            yield (Path(os.environ["HOME"]) / ".cache").absolute()
+    home = os.environ.get("HOME")
+    if cache := os.environ.get("XDG_CACHE_HOME") or (home and f"{home}/.cache"):
+        yield Path(cache)
     with suppress(FileNotFoundError):  # no folder for temporary files can be written
-        yield Path(tempfile.gettempdir()).absolute()
+        yield Path(tempfile.gettempdir())
 
 
 def _is_private(folder: Path) -> bool:
@@ -159,8 +152,8 @@ def _is_private(folder: Path) -> bool:
         if folder.lstat().st_uid == os.geteuid() and folder.lstat().st_mode & 0o077:
             shutil.rmtree(folder)  # refuses a link
             folder.mkdir(mode=0o700)
-        found = folder.lstat()
-        closed = found.st_uid == os.geteuid() and not found.st_mode & 0o077
+        status = folder.lstat()
+        closed = status.st_uid == os.geteuid() and not status.st_mode & 0o077
         return closed and folder.is_dir() and os.access(folder, os.W_OK)
     return False
 
@@ -173,6 +166,12 @@ def _refuse(difference: str) -> bool:
     return bool(difference)
 
 
+def _cpu_features() -> str:
+    """What the processor that is compiled for can do, in LLVM's words."""
+    features: str = CONFIG.CPU_FEATURES or llvmlite.binding.get_host_cpu_features().flatten()
+    return features
+
+
 def has_fma() -> bool:
     """Whether compiled code may use AVX2 and a fused multiply-add; every processor but an old
     x86-64 has its like.
@@ -181,36 +180,24 @@ def has_fma() -> bool:
     """
     if platform.machine().lower() not in ("x86_64", "amd64"):
         return True
-    features = (
-        getattr(numba.config, "CPU_FEATURES", None)
-        or llvmlite.binding.get_host_cpu_features().flatten()
-    )
-    return {"+avx2", "+fma"} <= set(features.split(","))
+    return {"+avx2", "+fma"} <= set(_cpu_features().split(","))
+
+
+def processor() -> str:
+    """Name and features of the processor that is compiled for."""
+    name = CONFIG.CPU_NAME or llvmlite.binding.get_host_cpu_name()
+    return f"{llvmlite.binding.get_process_triple()} {name} {_cpu_features()}"
+
+
+def source_stamp() -> str:
+    """Digest of the same sources with their comments: numba compiles again what stands in a file
+    with an edited one."""
+    return hashlib.sha256(b"".join(source.content for source in SOURCES.values())).hexdigest()
 
 
 def folder() -> Path | None:
     """Folder that machine code is kept in."""
     return _folder
-
-
-def count_compiled() -> int:
-    """How many functions this process has compiled, because they were not in the cache."""
-    return _compiled
-
-
-def files_used() -> set[str]:
-    """Names of the files of machine code that this process has read or written."""
-    return set(_used)
-
-
-def processor() -> str:
-    """Name and features of the processor that is compiled for."""
-    name = getattr(numba.config, "CPU_NAME", None) or llvmlite.binding.get_host_cpu_name()
-    features = (
-        getattr(numba.config, "CPU_FEATURES", None)
-        or llvmlite.binding.get_host_cpu_features().flatten()
-    )
-    return f"{llvmlite.binding.get_process_triple()} {name} {features}"
 
 
 @contextmanager
@@ -224,12 +211,86 @@ def compiling_anew() -> Iterator[None]:
         _anew = False
 
 
-def _count() -> None:
-    """Count a function that has to be compiled; with the first one, print the warnings."""
-    global _compiled
-    _compiled += 1
-    if _compiled > 1:
-        return
+class Kept(NUMBAS_CACHE):  # type: ignore[misc]
+    """Numba's cache of a function, for what numba's own does not survive or does slowly.
+
+    - A damaged file and a full disk raise there; here the function is compiled.
+    - Two processes that compile one function for different types write one index, and each may
+      store its machine code under the other's name; here one writes after the other.
+    - Before it reads, it describes all that it can compile (0.3 s of every start), which only a
+      function that is not kept needs.
+    - It sees no edit of a file that a function calls into, while a process runs.
+    - A compiled function that a function closes over has another key in each process there; here
+      its name, since the folder is that of its source.
+    """
+
+    def _index_key(self, signature: Any, codegen: Any) -> Any:
+        """What tells the machine code of a function apart: types, processor, code, and what it
+        closes over."""
+        cells = [cell.cell_contents for cell in self._py_func.__closure__ or ()]
+        names = [f"{x.__module__}.{x.__qualname__}" if callable(x) else x for x in cells]
+        return signature, codegen.magic_tuple(), self._py_func.__code__.co_code, repr(names)
+
+    def load_overload(self, signature: Any, target_context: Any) -> Any:
+        """Machine code from the disk; None where it has to be compiled."""
+        if _anew or _refuse(describe_edit(SOURCES)):
+            return None
+        rtsys.initialize(target_context)  # numba's runtime, for functions that call it
+        try:
+            return self._load_overload(signature, target_context)
+        except Exception:  # whatever a damaged file raises
+            with suppress(OSError):
+                self.flush()
+            return None
+
+    def save_overload(self, signature: Any, compiled: Any) -> None:
+        """Write machine code to the disk, where that is possible: otherwise it is compiled again
+        next time."""
+        if _folder is None or _refuse(describe_difference(SOURCES)) or not _is_private(_folder):
+            return
+        lock = FileLock(_folder / "index.lock", timeout=LONGEST_WAIT)
+        with suppress(OSError, NotImplementedError), lock:  # a full disk, or one without locks
+            super().save_overload(signature, compiled)
+
+
+class _Compiling(event.Listener):
+    """What is done around the compiling of each function of this package."""
+
+    def on_start(self, event: Any) -> None:
+        """Begin a function: with the first one print the warnings and have other processes compile
+        beside this one.
+
+        Garbage is collected rarely: numba makes so many objects that it would take a tenth of the
+        time.
+        """
+        if not _is_ours(event):
+            return
+        compiler.begin()
+        if compiler.depth == 1:
+            self._thresholds = gc.get_threshold()
+            gc.set_threshold(GARBAGE)
+            _print_warnings()
+            if _folder is not None:
+                compile_ahead.start(_folder)
+
+    def on_end(self, event: Any) -> None:
+        """End a function, which may be one that cannot be compiled."""
+        if not _is_ours(event):
+            return
+        if compiler.depth == 1:
+            gc.set_threshold(*self._thresholds)
+        compiler.end()
+
+
+def _is_ours(event: Any) -> bool:
+    """Whether it is a function of this package: a user's own are the user's to announce."""
+    module: str = event.data["dispatcher"].py_func.__module__
+    return module.startswith("rattle.")
+
+
+@cache
+def _print_warnings() -> None:
+    """Print what is wrong with this processor and its folders, once."""
     if not has_fma():
         _warnings.append(
             "this processor has no AVX2 or no FMA: simulations take several times as long as they"
@@ -239,220 +300,84 @@ def _count() -> None:
         print_on_stderr(warning)
 
 
-class Kept:
-    """The machine code of a function on disk, a file for each signature and processor, in place of
-    numba's cache.
-
-    A file begins with a digest of its key and its content.  So whatever lies under its name, by
-    damage or by exchange, is used only if it was made from this function under these options, for
-    these types, for this processor and from these sources.
-
-    Who compiles holds a lock, which the operating system releases when the process ends; others
-    wait for the file.
-    """
-
-    def __init__(self, function: Any, options: dict[str, Any]) -> None:
-        self._function, self.cache_path = function, str(_folder)
-        self._options = sorted(options.items())
-        self._locks: dict[Any, FileLock] = {}  # of what this process is compiling
-        cells = [cell.cell_contents for cell in function.__closure__ or ()]
-        # of a function that it closes over its name, not its address
-        self._cells = [f"{x.__module__}.{x.__qualname__}" if callable(x) else x for x in cells]
-
-    def _locate(self, signature: Any, codegen: Any) -> tuple[Path, bytes]:
-        """File and key of the function for some types."""
-        code = self._function.__code__
-        name = f"{self._function.__module__}.{self._function.__qualname__}"
-        function = name, self._options, self._cells, code.co_code
-        key = repr((DIGEST, function, signature, codegen.magic_tuple())).encode()
-        short = name.removeprefix("rattle.").replace("<locals>.", "")
-        return Path(self.cache_path, f"{short}-{hashlib.sha256(key).hexdigest()[:16]}.nbc"), key
-
-    def load_overload(self, signature: Any, target_context: Any) -> Any:
-        """Machine code from the disk; None where it has to be compiled, which is announced once.
-
-        Numba's own cache would first describe all that it can compile (0.3 s), which only a
-        function that is not here needs.
-        """
-        with suppress(Exception):  # whatever a damaged file raises: the function is compiled again
-            if not (_anew or _refuse(describe_edit(SOURCES))):
-                path, key = self._locate(signature, target_context.codegen())
-                found = self._read(path, key, target_context)
-                if found is None:
-                    _start_others()
-                    self._take(signature, path)
-                    # another process may have compiled it
-                    found = self._read(path, key, target_context)
-                if found is not None:
-                    self.release(signature)
-                    return found
-        _count()
-        return None
-
-    def _read(self, path: Path, key: bytes, target_context: Any) -> Any:
-        """Machine code of a file; None where there is none."""
-        if not path.exists():
-            return None
-        stored = path.read_bytes()
-        if stored[:CHECKSUM] != hashlib.sha256(key + stored[CHECKSUM:]).digest():
-            return None
-        rtsys.initialize(target_context)  # numba's runtime, for functions that call it
-        found = NUMBAS_RESULT._rebuild(target_context, *pickle.loads(stored[CHECKSUM:]))
-        _used.add(path.name)
-        return found
-
-    def _take(self, signature: Any, path: Path) -> None:
-        """Take the lock of a function that has to be compiled; without it where that is not
-        possible, or takes long."""
-        if not _is_private(path.parent):
-            return
-        lock = FileLock(path.with_suffix(".lock"))
-        with suppress(OSError, Timeout, NotImplementedError):
-            try:
-                lock.acquire(timeout=0.0)
-            except Timeout:
-                with compiling():
-                    lock.acquire(timeout=LONGEST_WAIT)
-            self._locks[signature] = lock
-
-    def release(self, signature: Any) -> None:
-        """Release the lock of a function: it has been compiled or cannot be."""
-        lock = self._locks.pop(signature, None)
-        if lock is not None:
-            with suppress(OSError):
-                Path(lock.lock_file).unlink(missing_ok=True)  # whoever waits finds the machine code
-            lock.release()
-
-    def save_overload(self, signature: Any, compiled: Any) -> None:
-        """Write machine code to the disk, where that is possible: otherwise it is compiled again
-        next time."""
-        try:
-            self._write(signature, compiled)
-        finally:
-            self.release(signature)
-
-    def _write(self, signature: Any, compiled: Any) -> None:
-        if compiled.library.has_dynamic_globals or not _is_private(Path(self.cache_path)):
-            return
-        if _refuse(describe_difference(SOURCES)):
-            return
-        path, key = self._locate(signature, compiled.codegen)
-        content = pickle.dumps(compiled._reduce())
-        scratch = path.with_suffix(f".{os.getpid()}-{threading.get_ident()}")
-        with suppress(OSError):
-            scratch.write_bytes(hashlib.sha256(key + content).digest() + content)
-            scratch.replace(path)
-            _used.add(path.name)
-        with suppress(OSError):
-            scratch.unlink(missing_ok=True)
-
-    def flush(self) -> None:
-        """Remove nothing: what is compiled again replaces its file."""
-
-
-def _start_others() -> None:
-    """Have other processes compile beside this one, which has to compile something."""
-    if _folder is not None:
-        compile_ahead.start(_folder)
-
-
-class _Compiling(event.Listener):
-    """What is done around the compiling of each function, and of those within it."""
-
-    def __init__(self) -> None:
-        self._thresholds: list[tuple[int, int, int]] = []
-
-    def on_start(self, event: Any) -> None:
-        """Have garbage collected rarely: numba makes so many objects that it would take a tenth of
-        the time."""
-        self._thresholds.append(gc.get_threshold())
-        gc.set_threshold(*map(max, GARBAGE, gc.get_threshold()))
-
-    def on_end(self, event: Any) -> None:
-        """Release the lock of a function that cannot be compiled; what has been compiled is written
-        next."""
-        gc.set_threshold(*self._thresholds.pop())
-        function = event.data["dispatcher"]
-        signature = event.data["args"]
-        if isinstance(function._cache, Kept) and signature not in function.signatures:
-            function._cache.release(signature)
-
-
-EVENTS.register("numba:compile", _Compiling())
-
-
-def keep(function: D) -> D:
-    """Have the machine code of a function kept on disk."""
-    note_imports()
-    made: Any = function
-    if _folder is not None and hasattr(made, "py_func"):
-        made._cache = Kept(made.py_func, made.targetoptions)
-    return function
-
-
 keep_by_source()
-watch_compiler()
+EVENTS.register("numba:compile", _Compiling())
+INTERPRETED = bool(CONFIG.DISABLE_JIT)
+
+
+def _keep(function: Callable[P, R], options: dict[str, Any]) -> Any:
+    """Compile a function, and have its machine code kept on disk."""
+    note_imports()
+    compiled: Any = numba.njit(**options)(function)
+    if _folder is not None and not INTERPRETED:
+        users = CONFIG.CACHE_DIR  # where a user's own functions are kept
+        CONFIG.CACHE_DIR = str(_folder)
+        with suppress(RuntimeError):  # a full disk
+            compiled._cache = Kept(function)
+        CONFIG.CACHE_DIR = users
+    return compiled
+
+
 OPTIONS: dict[str, Any] = {"nogil": True, "no_cfunc_wrapper": True, "error_model": "numpy"}
-LEAN: dict[str, Any] = OPTIONS | {"_nrt": False}
-INTERNAL: dict[str, Any] = OPTIONS | {"no_cpython_wrapper": True}
-LEAN_INTERNAL: dict[str, Any] = LEAN | {"no_cpython_wrapper": True}
-INLINE: dict[str, Any] = LEAN_INTERNAL | {"forceinline": True}
+"""Compiled code releases the interpreter lock.
+
+Division follows IEEE rules instead of raising: a branch on every division keeps LLVM from
+vectorising the loops over paths.  No fast-math: results do not depend on how a loop over paths is
+cut.  What is not set a function that compiled code calls takes from its first caller.
+"""
+LEAN = OPTIONS | {"_nrt": False}
+INTERNAL = OPTIONS | {"no_cpython_wrapper": True}
+INLINE = LEAN | {"no_cpython_wrapper": True, "forceinline": True}
 
 
 def jit(function: Callable[P, R]) -> Callable[P, R]:
-    """Compile a function with numba, keep the machine code on disk, and release the interpreter
-    lock while it runs.
-
-    Division follows IEEE rules instead of raising: a branch on every division keeps LLVM from
-    vectorising the loops over paths.  No fast-math: results do not depend on how a loop over paths
-    is cut.
-    """
-    return cast(Callable[P, R], keep(numba.njit(**OPTIONS)(function)))
+    """Compile a function that Python calls, and keep its machine code on disk."""
+    return cast(Callable[P, R], _keep(function, OPTIONS))
 
 
 def lean(function: Callable[P, R]) -> Callable[P, R]:
     """As `jit`, without reference counting: for functions that allocate no arrays and take views
-    only."""
-    return cast(Callable[P, R], keep(numba.njit(**LEAN)(function)))
+    only.
+
+    With it the kernels of the paths would take a quarter more time to compile.
+    """
+    return cast(Callable[P, R], _keep(function, LEAN))
 
 
 def internal(function: Callable[P, R]) -> Callable[P, R]:
-    """As `jit`, for a function that compiled code alone calls: Python cannot call it, and its
-    callers keep its code."""
-    return cast(Callable[P, R], numba.njit(**INTERNAL)(function))
-
-
-def lean_internal(function: Callable[P, R]) -> Callable[P, R]:
-    """As `lean`, for compiled callers alone, as `internal` is."""
-    return cast(Callable[P, R], numba.njit(**LEAN_INTERNAL)(function))
-
-
-def shared(function: Callable[P, R]) -> Callable[P, R]:
-    """Compile a function for its compiled callers alone; in Python it runs as it stands: for what
-    is called rarely."""
-    return register_jitable(**OPTIONS)(function)
-
-
-def shared_inline(function: Callable[P, R]) -> Callable[P, R]:
-    """As `shared`, and always inlined as `inline` does: for a formula that both Python and loops
-    over paths need."""
-    return register_jitable(**INLINE)(function)
+    """Compile a function for its compiled callers, which keep its code; Python runs it as it
+    stands."""
+    return _compile_for_callers(function, INTERNAL)
 
 
 def inline(function: Callable[P, R]) -> Callable[P, R]:
-    """As `lean_internal`, and always inlined by LLVM: a loop over paths vectorises only when its
-    body calls nothing."""
-    return cast(Callable[P, R], numba.njit(**INLINE)(function))
+    """As `internal`, and LLVM always inlines it: a loop over paths vectorises only when its body
+    calls nothing."""
+    return _compile_for_callers(function, INLINE)
 
 
 def splice(function: Callable[P, R]) -> Callable[P, R]:
     """Inline a function into its caller before type inference: branches on the caller's constants
     are removed.
 
-    A function with one caller compiles faster so: by itself it would be optimised, and then again
-    within its caller. Other functions do not: the copy is typed and optimised again in each caller.
+    A function with one caller compiles faster so (`branching` as a whole by a tenth): by itself it
+    would be optimised, and then again within its caller. Other functions do not: the copy is typed
+    and optimised again in each caller.
     """
     return cast(Callable[P, R], numba.njit(inline="always")(function))
+
+
+def _compile_for_callers(function: Callable[P, R], options: dict[str, Any]) -> Callable[P, R]:
+    """Have numba take a function for a compiled one.
+
+    Numba's `register_jitable` would do so too, and compile it once more for each set of options of
+    its callers.
+    """
+    if not INTERPRETED:
+        known: Any = function
+        known.compiled = numba.njit(**options)(function)  # numba's type refers to it weakly
+        known._numba_type_ = known.compiled._numba_type_
+    return function
 
 
 def emulate_fma(a: float, b: float, c: float) -> float:
@@ -488,8 +413,6 @@ def _widest_vectors(_context: Any) -> Any:
 def _nothing() -> None:
     """Stands for `widest_vectors` where the compiler is off."""
 
-
-INTERPRETED = bool(getattr(numba.config, "DISABLE_JIT", False))
 
 fma = cast(Callable[[float, float, float], float], emulate_fma if INTERPRETED else _fma)
 """``fma(a, b, c)``: ``a * b + c`` rounded once, by an instruction in compiled code; emulated where

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rattle.scene.compiled import jit, shared
+from rattle.scene.compiled import internal, jit
 
 SMALL_DECAY = 0.5  # beta t below which the differences cancel and the series is summed instead
 PHI2_SERIES = np.array([1.0 / math.factorial(k) for k in range(18, 1, -1)])
@@ -20,7 +20,7 @@ PHI2_SERIES = np.array([1.0 / math.factorial(k) for k in range(18, 1, -1)])
 |z| < `SMALL_DECAY`."""
 
 
-@shared
+@internal
 def phi1(beta: float, t: float) -> float:
     """``E = t phi1(-beta t) = (1 - exp(-beta t)) / beta``: displacement of a unit initial speed
     under damping."""
@@ -30,20 +30,20 @@ def phi1(beta: float, t: float) -> float:
     return -t * math.expm1(-z) / z
 
 
-@shared
+@internal
 def decay(beta: float, t: float) -> float:
     """``exp(-beta t)``: what is left of a unit speed."""
     return math.exp(-beta * t)
 
 
-@shared
+@internal
 def damp(beta: float, t: float) -> tuple[float, float]:
     """`phi1` and `decay` together, with one exponential for both where ``beta t`` is small."""
     e = phi1(beta, t)
     return e, (1.0 - beta * e if abs(beta * t) < SMALL_DECAY else decay(beta, t))
 
 
-@shared
+@internal
 def phi2(beta: float, t: float) -> float:
     """``t^2 phi2(-beta t) = (t - E) / beta``: displacement under a unit constant acceleration from
     zero speed.

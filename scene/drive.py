@@ -8,7 +8,7 @@ compiled, and what belongs to the other kind of drive is left out.
 import math
 from typing import Any
 
-from rattle.scene.compiled import lean, shared_inline
+from rattle.scene.compiled import inline, lean
 from rattle.scene.damping import Pair
 
 # pi / 2 in three parts; multiples of the first two below 2^20 are exact
@@ -61,7 +61,7 @@ def sine_cosine(tau: float) -> tuple[float, float]:
     return -cosine, sine
 
 
-@shared_inline
+@inline
 def _turn(
     drive: Any, i: int, angle: float, unit: tuple[float, float], last: tuple[float, float]
 ) -> tuple[float, float]:
@@ -78,7 +78,7 @@ def _turn(
     return sine, cosine
 
 
-@shared_inline
+@inline
 def _derivatives(drive: Any, tau: float) -> tuple[float, float, float]:
     """``f'``, ``f''`` and ``f'''`` of several orders."""
     first = 0.0
@@ -96,25 +96,25 @@ def _derivatives(drive: Any, tau: float) -> tuple[float, float, float]:
     return first, second, third
 
 
-@shared_inline
+@inline
 def velocity(drive: Any, tau: float) -> float:
     """``f'``."""
     return math.cos(tau) if len(drive) == 0 else _derivatives(drive, tau)[0]
 
 
-@shared_inline
+@inline
 def acceleration(drive: Any, tau: float) -> float:
     """``f''``."""
     return -math.sin(tau) if len(drive) == 0 else _derivatives(drive, tau)[1]
 
 
-@shared_inline
+@inline
 def jerk(drive: Any, tau: float) -> float:
     """``f'''``."""
     return -math.cos(tau) if len(drive) == 0 else _derivatives(drive, tau)[2]
 
 
-@shared_inline
+@inline
 def velocity_acceleration(drive: Any, tau: float) -> tuple[float, float]:
     """``f'`` and ``f''``."""
     if len(drive) == 0:
@@ -122,14 +122,14 @@ def velocity_acceleration(drive: Any, tau: float) -> tuple[float, float]:
     return _derivatives(drive, tau)[:2]
 
 
-@shared_inline
+@inline
 def phase_of_orders(drive: Any, tau: float) -> tuple[float, float, float, float]:
     """``-f''``, ``f'``, ``-f'''`` and the time; what sine and cosine are for one order."""
     first, second, third = _derivatives(drive, tau)
     return -second, first, -third, tau
 
 
-@shared_inline
+@inline
 def begin_derivatives(drive: Any, tau: float) -> tuple[float, float, float]:
     """``f'``, ``f''`` and ``f'''``; the next two derivatives by order go into the rows of
     ``drive.waves``."""
@@ -152,7 +152,7 @@ def begin_derivatives(drive: Any, tau: float) -> tuple[float, float, float]:
     return first, second, third
 
 
-@shared_inline
+@inline
 def next_derivative(drive: Any, k: int) -> float:
     """Derivative ``k + 3`` of f, for k = 1, 2, ... in turn after `begin_derivatives`."""
     total = 0.0
@@ -164,37 +164,37 @@ def next_derivative(drive: Any, k: int) -> float:
     return total
 
 
-@shared_inline
+@inline
 def highest_order(drive: Any) -> float:
     """The largest order."""
     return 1.0 if len(drive) == 0 else drive.highest
 
 
-@shared_inline
+@inline
 def most_velocity(drive: Any) -> float:
     """Bound of ``|f'|``."""
     return 1.0 if len(drive) == 0 else drive.most1
 
 
-@shared_inline
+@inline
 def most_acceleration(drive: Any) -> float:
     """Bound of ``|f''|``."""
     return 1.0 if len(drive) == 0 else drive.most2
 
 
-@shared_inline
+@inline
 def most_jerk(drive: Any) -> float:
     """Bound of ``|f'''|``."""
     return 1.0 if len(drive) == 0 else drive.most3
 
 
-@shared_inline
+@inline
 def most_modulation(drive: Any, beta: float) -> float:
     """Bound of ``|f'' + beta f'|``."""
     return math.sqrt(1.0 + beta**2) if len(drive) == 0 else drive.most2 + beta * drive.most1
 
 
-@shared_inline
+@inline
 def most_modulation_rate(drive: Any, beta: float) -> float:
     """Bound of ``|f''' + beta f''|``."""
     return math.sqrt(1.0 + beta**2) if len(drive) == 0 else drive.most3 + beta * drive.most2
@@ -213,7 +213,7 @@ def t_minus_sine(t: float, sine: float) -> float:
     return z * t / 6.0 * total
 
 
-@shared_inline
+@inline
 def excite(drive: Any, beta: float, p: Pair, tau: float, t: float) -> tuple[float, float, float]:
     """What the drive adds to stage 1 in a flight from `tau` on: ``f(tau + t) - f - e1 f'``,
     ``f'(tau + t) - d1 f'``.

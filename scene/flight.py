@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from rattle.scene.compiled import internal, jit, shared, splice
+from rattle.scene.compiled import internal, jit, splice
 from rattle.scene.damping import Pair, pair
 from rattle.scene.drive import (
     acceleration,
@@ -43,7 +43,7 @@ def wheel_speeds(c: Constants, tau: float, y1: float, y2: float) -> tuple[float,
     return u1, u1 + y2
 
 
-@shared
+@internal
 def displacement(c: Constants, tau: float, y1: float, y2: float, t: float) -> State:
     """Increments of ``x_1`` and ``x_2`` over a flight of time `t` from `tau`, and the velocities at
     its end (Eq. 3).
@@ -70,7 +70,7 @@ def flow(c: Constants, tau: float, x1: float, y1: float, x2: float, y2: float, t
     return x1 + dx1, y1, x2 + dx2, y2
 
 
-@shared
+@internal
 def field(c: Constants, tau: float, y1: float, y2: float) -> Floats:
     """The drift, ``d(x1, y1, x2, y2) / d tau`` in flight without noise (Eq. 3).
 
@@ -86,7 +86,7 @@ def field(c: Constants, tau: float, y1: float, y2: float) -> Floats:
     return f
 
 
-@shared
+@internal
 def field_rate(c: Constants, tau: float) -> Floats:
     """Partial derivative of the drift `field` with respect to time.
 
@@ -100,7 +100,7 @@ def field_rate(c: Constants, tau: float) -> Floats:
     return f
 
 
-@shared
+@internal
 def system_matrix(c: Constants) -> Floats:
     """``A`` of the linear flight ``s' = A s + ...`` (Eq. 8).
 
@@ -116,7 +116,7 @@ def system_matrix(c: Constants) -> Floats:
     return a
 
 
-@shared
+@internal
 def jacobian(c: Constants, t: float) -> Floats:
     """``exp(A t)``, the derivative of `flow` with respect to ``(x1, y1, x2, y2)``.
 
@@ -135,7 +135,7 @@ def jacobian(c: Constants, t: float) -> Floats:
     return j
 
 
-@shared
+@internal
 def noise_rate(c: Constants, tau: float) -> tuple[float, float]:
     """Noise coefficients of ``(y_1, y_2)`` for the one white noise ``sigma eta`` (Eq. 5), for
     ``sigma = 1``."""
@@ -303,7 +303,7 @@ def _over_orders(c: Constants, tau: float, t: float, panel: float, relative: boo
     return out + _over_panels(c, tau, rest, panel, relative)
 
 
-@shared
+@internal
 def noise_covariance(c: Constants, tau: float, t: float) -> Floats:
     """Covariance of ``(x1, y1, x2, y2)`` that the noise adds in a flight of time `t` from `tau`.
 

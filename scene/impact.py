@@ -6,7 +6,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from rattle.scene.compiled import internal, jit, shared
+from rattle.scene.compiled import internal, jit
 from rattle.scene.drive import acceleration, most_acceleration, most_jerk, most_velocity
 from rattle.scene.flight import flow, wheel_speeds
 from rattle.scene.types import Constants, Floats
@@ -46,7 +46,7 @@ def slowest_impact(c: Constants, state: Floats) -> float:
     return GRAZE * max(c.alpha, c.gamma1, abs(float(state[1])), abs(float(state[3])))
 
 
-@shared
+@internal
 def energy_loss(c: Constants, mesh: int, y1: Number, y2: Number) -> Number:
     """Kinetic energy lost in impacts at a mesh, in units of ``I1 / R1^2 (nu1 omega)^2``, I1 / R1^2
     the mass of wheel 1.
@@ -58,7 +58,7 @@ def energy_loss(c: Constants, mesh: int, y1: Number, y2: Number) -> Number:
     return share * y1 * y1 if mesh == 1 else share * c.mu * y2 * y2
 
 
-@shared
+@internal
 def safe_time(
     distance: float, speed: float, acceleration: float, most: float, jerk: float
 ) -> float:
@@ -88,7 +88,7 @@ def safe_time(
     return step
 
 
-@shared
+@internal
 def _within(distance: float, speed: float, most: float) -> float:
     """`safe_time` for an acceleration of at most `most`, without a bound on its rate."""
     root = math.sqrt(speed * speed + 2.0 * most * distance)
@@ -201,7 +201,7 @@ def next_impact(
     return t, LOST, 0, x1 + d1, b1, x2 + d2, b2
 
 
-@shared
+@internal
 def contact_matrix(c: Constants, mesh: int, size: int = 4, at: int = 0) -> Floats:
     """The restitution map as a matrix on ``(x1, y1, x2, y2)``, or on more with these from place
     `at` on.

@@ -6,7 +6,7 @@ from typing import NamedTuple, TypeVar
 
 import numpy as np
 
-from rattle.scene.compiled import jit, shared
+from rattle.scene.compiled import internal, jit
 from rattle.scene.elementary import powers
 from rattle.scene.linear_algebra import eigen, product
 from rattle.scene.types import Floats
@@ -128,7 +128,7 @@ def semidefinite(covariance: Floats, scale: Floats) -> Floats:
     return np.where(resolved & resolved[:, None], product(root, root.T), 0.0)
 
 
-@shared
+@internal
 def fill_gaussian_moments(vx: Number, cxy: Number, vy: Number, m: Floats) -> None:
     """`gaussian_raw_moments` into an array of zeros; of several pairs at once, one by one.
 

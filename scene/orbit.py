@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from rattle.scene import STATE, Constants, Floats, Ints, Scene
-from rattle.scene.compiled import lean, shared
+from rattle.scene.compiled import internal, lean
 from rattle.scene.flight import State, flow
 from rattle.scene.impact import LOST, MISSES, NONE, REST, next_impact, struck
 from rattle.scene.numpy_errors import numpy_defaults
@@ -69,7 +69,7 @@ class Impacts(NamedTuple):
         return cls(*(getattr(orbit, name)[part] for name in cls._fields))
 
 
-@shared
+@internal
 def put_impact(
     c: Constants, at: Impacts, k: int, tau: float, flight: float, mesh: int, state: State
 ) -> None:

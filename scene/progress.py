@@ -145,8 +145,8 @@ def do(what: str) -> None:
 
 def describe() -> str:
     """What is being done at the moment, and how far it is."""
-    if _compiler.depth:
-        number = _compiler.functions
+    if compiler.depth:
+        number = compiler.functions
         return (
             f"{COMPILING}: {number} function{'s' * (number != 1)} so far" if number else COMPILING
         )
@@ -196,9 +196,7 @@ def _show_status() -> None:
     with _lock:
         for bar in _bars:
             bar.refresh()
-        if _bars and not (
-            _compiler.depth and has_terminal()
-        ):  # a notebook has no place below a bar
+        if _bars and not (compiler.depth and has_terminal()):  # a notebook has no place below a bar
             _hide_status()
             return
         text = line(describe())
@@ -299,37 +297,5 @@ class Compiler:
             speaker.stop()
 
 
-_compiler = Compiler()
-
-
-@contextmanager
-def compiling() -> Iterator[None]:
-    """Context in which a function is compiled, here or by another process that is waited for."""
-    _compiler.begin()
-    try:
-        yield
-    finally:
-        _compiler.end()
-
-
-def watch_compiler() -> None:
-    """Have numba say when it compiles a function of this package; a user's own are the user's to
-    announce."""
-    from numba.core import event  # the command imports this module, and only some commands compile
-
-    events: Any = event  # numba has no type hints
-
-    def is_ours(event: Any) -> bool:
-        module: str = event.data["dispatcher"].py_func.__module__
-        return module.startswith("rattle.")
-
-    class Watch(event.Listener):
-        def on_start(self, event: Any) -> None:
-            if is_ours(event):
-                _compiler.begin()
-
-        def on_end(self, event: Any) -> None:
-            if is_ours(event):
-                _compiler.end()
-
-    events.register("numba:compile", Watch())
+compiler = Compiler()
+"""`rattle.scene.compiled` tells it when a function is compiled."""

@@ -19,7 +19,7 @@ import math
 from typing import Any
 
 from rattle.scene import drive as motion
-from rattle.scene.compiled import shared
+from rattle.scene.compiled import internal
 from rattle.scene.flight import State, flow, wheel_speeds
 from rattle.scene.impact import NONE, REST, TOUCH_STEP, next_impact, safe_time
 from rattle.scene.types import Constants
@@ -32,7 +32,7 @@ Sides = tuple[int, int]
 CHATTER_LIMIT = 1e-6
 
 
-@shared
+@internal
 def _pulls(c: Constants, tau: float, y1: float, y2: float) -> tuple[float, float, float]:
     """``(p1, p2)`` and the acceleration of the driver, ``alpha f''``."""
     u1, u2 = wheel_speeds(c, tau, y1, y2)
@@ -43,7 +43,7 @@ def _pulls(c: Constants, tau: float, y1: float, y2: float) -> tuple[float, float
     )
 
 
-@shared
+@internal
 def presses(c: Constants, tau: float, y1: float, y2: float, sides: Sides) -> tuple[float, float]:
     """Contact forces of the sticking meshes, as accelerations: positive while a contact pushes, 0
     for an open mesh."""
@@ -56,7 +56,7 @@ def presses(c: Constants, tau: float, y1: float, y2: float, sides: Sides) -> tup
     return first * f1, second * f2
 
 
-@shared
+@internal
 def find_sticking(c: Constants, tau: float, y1: float, y2: float, touching: Sides) -> Sides:
     """Which meshes stick, of those that touch a wall at zero speed.
 
@@ -82,7 +82,7 @@ def find_sticking(c: Constants, tau: float, y1: float, y2: float, touching: Side
     return (first if press1 > 0.0 else 0), (second if press2 > 0.0 else 0)
 
 
-@shared
+@internal
 def _until_driver(
     drive: Any, side: int, beta: float, gamma: float, alpha: float, tau: float
 ) -> float:
@@ -101,7 +101,7 @@ def _until_driver(
     return (falls + math.atan(beta) - tau) % (2.0 * math.pi)
 
 
-@shared
+@internal
 def _until_orders(
     drive: Any, side: int, beta: float, gamma: float, alpha: float, tau: float
 ) -> float:
@@ -124,7 +124,7 @@ def _until_orders(
     return math.inf
 
 
-@shared
+@internal
 def opening(c: Constants, tau: float, y1: float, y2: float, sides: Sides) -> tuple[float, int]:
     """Time until the first of the sticking meshes opens, because its contact force has fallen to
     zero."""
@@ -149,13 +149,13 @@ def opening(c: Constants, tau: float, y1: float, y2: float, sides: Sides) -> tup
     return (e if beta == 0.0 else -math.log1p(-beta * e) / beta), 2
 
 
-@shared
+@internal
 def _as_one(c: Constants) -> tuple[float, float]:
     """Damping and drag of both wheels moving together."""
     return (1.0 - c.mu) * c.beta1 + c.mu * c.beta2, (1.0 - c.mu) * c.gamma1 + c.mu * c.gamma2
 
 
-@shared
+@internal
 def open_stage(c: Constants, sides: Sides) -> Constants:
     """The single stage that remains while one mesh sticks.
 
@@ -172,7 +172,7 @@ def open_stage(c: Constants, sides: Sides) -> Constants:
     )
 
 
-@shared
+@internal
 def stick_on(
     c: Constants, tau: float, x1: float, y1: float, x2: float, y2: float, sides: Sides, t: float
 ) -> State:
@@ -189,7 +189,7 @@ def stick_on(
     return x1, y1, x2, y2
 
 
-@shared
+@internal
 def next_contact(
     c: Constants,
     tau: float,
@@ -244,7 +244,7 @@ def next_contact(
     return t, mesh, side, x1, y1, x2, y2, (first, second)
 
 
-@shared
+@internal
 def stuck_on(
     c: Constants, x1: float, y1: float, x2: float, y2: float, mesh: int, place: float
 ) -> State:
@@ -259,7 +259,7 @@ def stuck_on(
     return x1 + c.mu * (place - x2), y1 - c.mu * y2, place, 0.0
 
 
-@shared
+@internal
 def stuck(c: Constants, x1: float, y1: float, x2: float, y2: float, sides: Sides) -> State:
     """The state with all sticking meshes put on their walls at zero speed, see `stuck_on`."""
     first, second = sides
@@ -272,7 +272,7 @@ def stuck(c: Constants, x1: float, y1: float, x2: float, y2: float, sides: Sides
     return x1, y1, x2, y2
 
 
-@shared
+@internal
 def may_chatter(c: Constants, tau: float, y1: float, y2: float, mesh: int) -> bool:
     """Whether a mesh is left so slowly that `complete_chatter` may sum up its impacts: the speed
     that is bounded there.
@@ -284,7 +284,7 @@ def may_chatter(c: Constants, tau: float, y1: float, y2: float, mesh: int) -> bo
     return (1.0 - c.epsilon) * CHATTER_LIMIT * most >= abs(y1 if mesh == 1 else y2)
 
 
-@shared
+@internal
 def complete_chatter(
     c: Constants, tau: float, x1: float, y1: float, x2: float, y2: float, mesh: int, side: int
 ) -> tuple[float, Sides]:

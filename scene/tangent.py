@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rattle.scene.compiled import internal, jit, shared
+from rattle.scene.compiled import internal, jit
 from rattle.scene.flight import field, jacobian
 from rattle.scene.impact import struck
 from rattle.scene.linear_algebra import add_outer, dot, norm, put, put_scaled, times_transposed
@@ -46,7 +46,7 @@ class Stretch(NamedTuple):
         return Stretch._make(part[:impacts] for part in self)
 
 
-@shared
+@internal
 def land(rate: Floats, i: int, flown: Floats) -> Floats:
     """Derivative of the delay until displacement `i` is on its wall, ``-flown_i / rate_i``.
 

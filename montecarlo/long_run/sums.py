@@ -15,7 +15,7 @@ from scipy.special import expit
 
 from rattle.montecarlo.long_run.noise_work import CONTROLS
 from rattle.scene import Constants, Floats, Ints
-from rattle.scene.compiled import inline, internal, shared_inline
+from rattle.scene.compiled import inline, internal
 from rattle.scene.drive import velocity_acceleration
 from rattle.scene.impact import energy_loss
 
@@ -112,7 +112,7 @@ def new_sums(
     return Sums(main, batch, power, products, histogram, section, together, scales)
 
 
-@shared_inline
+@inline
 def cell_of(edges: Floats, value: float) -> int:
     """The cell of a value between the outermost edges; values in order are in cells in order,
     whatever is rounded."""

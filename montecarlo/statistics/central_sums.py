@@ -11,7 +11,7 @@ from math import comb
 import numpy as np
 
 from rattle.scene import Floats, Ints
-from rattle.scene.compiled import inline, lean, lean_internal, widest_vectors
+from rattle.scene.compiled import inline, internal, lean, widest_vectors
 
 Orders = tuple[tuple[int, int], ...]
 Strands = tuple[Floats, ...]
@@ -66,7 +66,7 @@ def _strands(x: Floats, n: int) -> Strands:
     )
 
 
-@lean_internal
+@internal
 def _add_strands(x: Floats, n: int, out: Floats) -> None:
     """Add eight strands of n numbers each, in pairs; `out` may be the first of them."""
     widest_vectors()
@@ -75,7 +75,7 @@ def _add_strands(x: Floats, n: int, out: Floats) -> None:
         out[i] = ((a[i] + b[i]) + (c[i] + d[i])) + ((e[i] + f[i]) + (g[i] + h[i]))
 
 
-@lean_internal
+@internal
 def _fold(x: Floats, n: int) -> float:
     """Sum of the first n numbers of an array, n a multiple of 8, which is overwritten.
 
@@ -89,7 +89,7 @@ def _fold(x: Floats, n: int) -> float:
     return total
 
 
-@lean_internal
+@internal
 def _sum(u: Floats, room: Floats) -> float:
     """Sum of numbers in a fixed order; their number is a multiple of `STRAND`, and `room` has an
     eighth of it."""
@@ -98,7 +98,7 @@ def _sum(u: Floats, room: Floats) -> float:
     return _fold(room, n)
 
 
-@lean_internal
+@internal
 def product_sum(u: Floats, v: Floats, room: Floats) -> float:
     """Sum of products in the order of `_sum`."""
     widest_vectors()
@@ -112,7 +112,7 @@ def product_sum(u: Floats, v: Floats, room: Floats) -> float:
     return _fold(room, n)
 
 
-@lean_internal
+@internal
 def power_sums(d: Floats, room: Floats, sums: Floats) -> None:
     """Sums of ``d^2`` to ``d^8`` in a fixed order; `room` has seven rows, each an eighth as long as
     d."""
@@ -144,7 +144,7 @@ def power_sums(d: Floats, room: Floats, sums: Floats) -> None:
         sums[o] = _fold(room[o], n)
 
 
-@lean_internal
+@internal
 def _first_seen(u: Floats, v: Floats) -> int:
     """Index of the first path where both variables are finite; the last if there is none."""
     for p in range(u.size):

@@ -42,13 +42,14 @@ BEGIN = """
 import os
 from pathlib import Path
 from rattle.scene import compiled
+from rattle.scene.progress import compiler
 inner = Path(compiled.__file__).with_name("inner.py")
 right = inner.read_text()
 wrong = right.replace("2.0", "3.0")
 """
 CALL = """
 from rattle.scene.outer import outer
-print(outer(5.0), compiled.count_compiled())
+print(outer(5.0), compiler.functions)
 """
 EDIT = "inner.write_text(wrong)\n"
 REVERT = "inner.write_text(right)\n"
@@ -127,24 +128,17 @@ def test_a_comment_changes_nothing(run):
     assert run(CALL) == (["11.0", "0"], "")
 
 
-EXCHANGED = """
+CLOSURES = """
 from rattle.scene.outer import make, outer
 numbers = [make(1.5)(2.0), make(2.5)(2.0), make(2.5)(2), outer(2.0)]
-print(*numbers, compiled.count_compiled())
+print(*numbers, compiler.functions)
 """
 
 
-def test_machine_code_under_the_name_of_another_is_compiled_again(run, tmp_path):
-    """Of another function, another closure of the same function, other types."""
+def test_closures_of_one_function_and_types_are_told_apart(run):
     right = ["3.0", "5.0", "5.0", "5.0"]
-    assert run(EXCHANGED)[0] == [*right, "4"]
-    files = sorted((tmp_path / "kept").rglob("*.nbc"))
-    contents = [file.read_bytes() for file in files]
-    assert len(files) == 4
-    for file, content in zip(files, contents[1:] + contents[:1], strict=True):
-        file.write_bytes(content)
-    assert run(EXCHANGED) == ([*right, "4"], "")
-    assert run(EXCHANGED) == ([*right, "0"], "")
+    assert run(CLOSURES) == ([*right, "4"], "")
+    assert run(CLOSURES) == ([*right, "0"], "")
 
 
 SCENE = Scene(alpha=1.0, epsilon=0.5, beta1=0.1, gamma1=0.1, stages=1)

@@ -1,40 +1,38 @@
-"""Processes that share the compiling: each function by one of them, and none depends on another."""
+"""Processes that share the compiling, and none depends on another."""
 
 import os
+import shutil
 import signal
 import subprocess
 import sys
 import threading
-from contextlib import contextmanager
+from pathlib import Path
 from types import SimpleNamespace
 
 import numba
 import pytest
-from filelock import FileLock
 from programs import python
 
 from rattle.scene import compile_ahead, compiled
 
+ROOT = Path(__file__).resolve().parents[2]
 COMPILED = pytest.mark.skipif(
     bool(getattr(numba.config, "DISABLE_JIT", False)), reason="the compiler is off"
 )
 
 
-@compiled.jit
-def doubled(x):
-    """A function that can be compiled for numbers alone."""
-    return 2 * x
-
-
 @pytest.fixture
 def kept(tmp_path, monkeypatch):
-    """The machine code of `doubled` in a folder of its own, and how it is asked for."""
+    """A function whose machine code is kept in a folder of its own."""
     tmp_path.chmod(0o700)
     monkeypatch.setattr(compile_ahead, "start", lambda place: None)
-    function = numba.njit(**compiled.OPTIONS)(doubled.py_func)
-    function._cache = compiled.Kept(function.py_func, function.targetoptions)
-    function._cache.cache_path = str(tmp_path)
-    return function
+    monkeypatch.setattr(compiled, "_folder", tmp_path)
+
+    @compiled.jit
+    def doubled(x):
+        return 2 * x
+
+    return doubled
 
 
 @pytest.fixture
@@ -57,54 +55,21 @@ def started(monkeypatch):
     compile_ahead._started.clear()
 
 
-@COMPILED
-def test_who_waits_for_another_takes_what_it_has_compiled(kept, tmp_path, monkeypatch):
-    """Another process holds the lock, and writes the machine code while this one waits."""
-    assert kept(3) == 6
-    (code,) = tmp_path.glob("*.nbc")
-    made = code.read_bytes()
-    code.unlink()
-    lock = FileLock(code.with_suffix(".lock"))
-    waits = []
-
-    @contextmanager
-    def wait():
-        waits.append(code)
-        code.write_bytes(made)
-        lock.release()
-        yield
-
-    monkeypatch.setattr(compiled, "compiling", wait)
-    again = numba.njit(**compiled.OPTIONS)(doubled.py_func)
-    again._cache = kept._cache
-    before = compiled.count_compiled()
-    lock.acquire()
-    assert again(3) == 6
-    assert waits == [code]
-    assert compiled.count_compiled() == before
-
-
-@COMPILED
-def test_locks_are_released_whether_a_function_can_be_compiled_or_not(kept, tmp_path):
-    with pytest.raises(numba.TypingError):
-        kept({"no": "number"})
-    with pytest.raises(numba.TypingError):
-        kept(None)
-    assert kept(3) == 6
-    assert not kept._cache._locks
-    for path in tmp_path.glob("*.lock"):
-        FileLock(path).acquire(timeout=0.0)
+FAULTS = [PermissionError, NotImplementedError, OSError(28, "No space left on device")]
 
 
 @COMPILED
 @pytest.mark.parametrize(
-    "fault", [PermissionError, NotImplementedError, OSError(28, "No space left on device")]
+    "place", ["filelock.FileLock.acquire", "tempfile.TemporaryFile", "os.replace"]
 )
-def test_without_locks_every_process_compiles(kept, monkeypatch, fault):
+@pytest.mark.parametrize("fault", FAULTS)
+def test_where_nothing_can_be_kept_every_process_compiles(kept, monkeypatch, place, fault):
+    """No lock, a read-only folder, a full disk."""
+
     def refuse(*words, **settings):
         raise fault
 
-    monkeypatch.setattr(FileLock, "acquire", refuse)
+    monkeypatch.setattr(place, refuse)
     assert kept(3) == 6
 
 
@@ -203,7 +168,7 @@ def test_what_was_started_ends_with_this_process(end):
     assert not is_running(child)
 
 
-KILLED = """
+KILLED_COMPILING = """
 import os, signal
 from numba.core import event
 from rattle.scene.moments import gaussian_raw_moments as f
@@ -213,17 +178,71 @@ class Killer(event.Listener):
 event.register("numba:compile", Killer())
 f(1.0, 0.5, 2.0, 4)
 """
+KILLED_WRITING = """
+import os, signal
+from rattle.scene.moments import gaussian_raw_moments as f
+os.replace = lambda old, new: os.kill(os.getpid(), signal.SIGKILL)
+f(1.0, 0.5, 2.0, 4)
+"""
 COUNTED = """
 from rattle.scene.moments import gaussian_raw_moments as f
-from rattle.scene.compiled import count_compiled
-print(float(f(1.0, 0.5, 2.0, 4)[2, 2]), count_compiled())
+from rattle.scene.progress import compiler
+print(float(f(1.0, 0.5, 2.0, 4)[2, 2]), compiler.functions)
 """
 
 
 @pytest.mark.slow
 @COMPILED
-def test_a_process_that_is_killed_while_it_compiles_costs_its_part_alone(tmp_path):
-    python("-c", KILLED, NUMBA_CACHE_DIR=str(tmp_path), code=-signal.SIGKILL)
-    assert list(tmp_path.rglob("*.lock"))
-    assert python("-c", COUNTED, NUMBA_CACHE_DIR=str(tmp_path)).stdout.split() == ["2.5", "1"]
-    assert not list(tmp_path.rglob("*.lock"))
+@pytest.mark.parametrize("code", [KILLED_COMPILING, KILLED_WRITING])
+def test_a_process_that_is_killed_costs_its_part_alone(tmp_path, code):
+    kept = {"NUMBA_CACHE_DIR": str(tmp_path)}
+    python("-c", code, code=-signal.SIGKILL, **kept)
+    assert python("-c", COUNTED, **kept).stdout.split() == ["2.5", "1"]
+    assert python("-c", COUNTED, **kept).stdout.split() == ["2.5", "0"]
+
+
+TYPES = """
+import numpy as np
+from rattle.scene.compiled import jit
+
+@jit
+def sum_of(x):
+    return x.sum()
+
+def sums():
+    for name in KINDS:
+        assert sum_of(np.arange(3, dtype=name)) == 3
+"""
+BOTH = """
+import sys
+from rattle.scene import types_of_sums
+from rattle.scene.progress import compiler
+types_of_sums.KINDS = sys.argv[1:]
+types_of_sums.sums()
+print(compiler.functions)
+"""
+KINDS = ["int16", "int32", "int64", "float32", "float64", "complex128"]
+
+
+@pytest.mark.slow
+@COMPILED
+def test_processes_that_compile_one_function_for_different_types_at_once_keep_all(tmp_path):
+    """Numba's index has room for each, whoever writes it last."""
+    place = tmp_path / "installed" / "rattle"
+    sources_alone = shutil.ignore_patterns("__pycache__")
+    for name, target in (("src/rattle", place), ("scene", place / "scene")):
+        shutil.copytree(ROOT / name, target, ignore=sources_alone, dirs_exist_ok=True)
+    (place / "scene" / "types_of_sums.py").write_text(TYPES)
+    environment = os.environ | {
+        "NUMBA_CACHE_DIR": str(tmp_path / "kept"),
+        "PYTHONPATH": str(place.parent),
+    }
+    processes = [
+        subprocess.Popen([sys.executable, "-c", BOTH, *part], env=environment)
+        for part in (KINDS[:3], KINDS[3:])
+    ]
+    assert [process.wait() for process in processes] == [0, 0]
+    done = subprocess.run(
+        [sys.executable, "-c", BOTH, *KINDS], env=environment, capture_output=True, check=True
+    )
+    assert done.stdout == b"0\n"

@@ -10,7 +10,7 @@ from rattle import DAT21, Scene, Tolerance, mean_map, simulate, simulate_rare, s
 from rattle.closure import CLOSURES
 from rattle.compare.warm_up import tasks
 from rattle.montecarlo import SCHEMES
-from rattle.scene import compiled
+from rattle.scene import compiled, progress
 
 
 def test_simulate_prints_moments_and_writes_the_whole_table(tmp_path):
@@ -83,7 +83,7 @@ def test_after_warming_up_nothing_is_compiled():
     )
     for task in named.values():
         task()
-    before = compiled.count_compiled()
+    before = progress.compiler.functions
     for scene in (
         Scene.from_gears(DAT21, sigma=0.3),
         Scene.from_gears(DAT21, sigma=0.3, stages=1),
@@ -95,7 +95,7 @@ def test_after_warming_up_nothing_is_compiled():
             assert simulate(scene, paths=40, impacts=3, scheme=name).diagnostics is not None
         stationary(scene, paths=16, periods=64, closures=())
     simulate_rare(Scene.from_gears(DAT21, sigma=0.1), paths=32_768, impacts=3)
-    assert compiled.count_compiled() == before
+    assert progress.compiler.functions == before
 
 
 def test_warming_up_without_a_folder_says_what_to_do(monkeypatch):
