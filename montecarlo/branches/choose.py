@@ -55,7 +55,8 @@ def choose_mixture(run: Any) -> BranchMixture | None:
     found = search_of(plan.scene.phase_reduced, plan.impacts, steps_of(run), plan.dt).until(
         SMALLEST
     )
-    centre = np.nan_to_num(stack_section(columns).T)
+    # in the order of memory of every other one: the kernel is compiled for one order alone
+    centre = np.ascontiguousarray(np.nan_to_num(stack_section(columns).T))
     sd = stack_section(columns, "sd_").T
     for mesh in (1, 2):
         sd[columns["mesh"] == mesh, 2 * mesh] = 0.0  # known exactly

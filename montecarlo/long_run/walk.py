@@ -22,6 +22,7 @@ from rattle.montecarlo.schemes.step_size import default_step
 from rattle.montecarlo.schemes.time_scales import time_scales
 from rattle.scene import Floats, Ints, Scene
 from rattle.scene.compiled import jit
+from rattle.scene.linear_algebra import put, put_row
 
 WALK_LANES = 128
 """Paths of a block: what all paths of a step share is computed once for so many."""
@@ -63,7 +64,10 @@ def impacts_of(rows: Floats, impacts: Ints, struck: Floats) -> Floats:
     mesh. Shapes: `rows` (paths, impacts or more, COLUMNS); `impacts` (paths,); `struck` (paths, 2);
     result (impacts, 4).
     """
-    out = np.empty((impacts.sum(), 4))
+    total = 0
+    for p in range(len(rows)):
+        total += impacts[p]
+    out = np.empty((total, 4))
     n = 0
     for p in range(len(rows)):
         for k in range(impacts[p]):
@@ -82,7 +86,8 @@ def impacts_of(rows: Floats, impacts: Ints, struck: Floats) -> Floats:
 def follow_stretches(
     b: Block, rows: Floats, fixed: Ints, stretches: int, until: int, length: int, sums: Sums
 ) -> int:
-    """Follow a block for some stretches.
+    """Follow a block for some stretches; in loops, for numba's own sums and copies take seconds to
+    compile.
 
     `fixed`: Steps of a stretch after which states are recorded, and one beyond its end: the kernel
     retires no path before all are past, and a path that it retires is overwritten by another.
@@ -104,24 +109,26 @@ def follow_stretches(
         number = count[STRETCHES] * STRETCHES_APART + b.first
         for i in range(b.room.path.size):
             b.room.path[i] = Word(number + i)
-        walls = b.every.walls.copy()
+        walls = b.every.walls[0].copy()
         last = b.every.last.copy()
         eta = b.room.eta.copy()
         b.every.impacts[:] = 0
         RUN(b.job, tau, part, b.every, b.room, Output(number, rows, fixed, b.samples, b.none))
-        most = impacts.max()
+        most = 0
+        for p in range(paths):
+            most = max(most, impacts[p])
         if most >= rows.shape[2]:
-            b.every.walls[:] = walls
-            b.every.last[:] = last
-            b.room.eta[:] = eta
-            b.every.state[0, :, :paths] = b.state.T
+            put(b.every.walls[0], walls)
+            put(b.every.last, last)
+            put_row(b.room.eta, eta)
+            put(b.every.state[0, :, :paths], b.state.T)
             return int(most)
         states = b.samples[0, :, :samples]
         at = tau + between
         if b.controls and len(sums.power) > 0:
             out = sums.main[:, sums.batch[0], NOISE:]
             add_noise_work(b.job.c, rows[0], impacts, b.state, states, at, between, out)
-        b.state[:] = states[:, samples - 1]
+        put(b.state, states[:, samples - 1])
         flanks = b.every.walls[0]
         add_stretch(b.job.c, rows[0], impacts, b.struck, states, flanks, at, between, sums)
         count[STRETCHES] += 1
@@ -130,8 +137,11 @@ def follow_stretches(
         if count[BEGIN] == b.steps:
             count[BEGIN] = 0
             count[PERIODS] += 1
-            b.every.last[:] -= PERIOD
-            b.struck[:] -= PERIOD
+            for p in range(b.every.last.shape[1]):
+                b.every.last[0, p] -= PERIOD
+            for p in range(paths):
+                for mesh in range(2):
+                    b.struck[p, mesh] -= PERIOD
             if (until - count[PERIODS]) % length == 0:
                 sums.batch[0] += 1
             if count[LONG] > 0:
