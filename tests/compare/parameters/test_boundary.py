@@ -13,11 +13,12 @@ from searches import QUIET, run, search, verdicts
 
 from rattle import DAT21, Scene, Tolerances, boundary, mean_map
 from rattle.compare.judge.verdict import Verdict
-from rattle.compare.parameters.boundary import _side
+from rattle.compare.parameters.boundary import Boundary
 from rattle.compare.parameters.search import (
     MOST_VALUES,
     PATHS_OF_LOOKS,
     ROUGH,
+    JudgedValue,
     Widths,
     judge_value,
 )
@@ -72,8 +73,13 @@ def test_nowhere_accurate_is_said():
     ],
 )
 def test_a_boundary_outside_is_said_with_its_side(over, first, last, accurate, said):
-    ends = pd.DataFrame([(1.0, *first), (2.0, *last)], columns=["value", "low", "high"])
-    assert _side(over, "", ends, accurate) == f"If there is one, it lies {said}."
+    verdict = Verdict.ACCURATE if accurate else Verdict.INACCURATE
+    ends = [
+        JudgedValue(value, verdict, low=low, high=high)
+        for value, (low, high) in ((1.0, first), (2.0, last))
+    ]
+    found = Boundary(QUIET, "saltation", over, (), pd.DataFrame(ends), 0)
+    assert found.answer[1] == f"If there is one, it lies {said}."
 
 
 def test_gears_are_searched_in_their_units():
