@@ -16,7 +16,7 @@ from rattle.compare.judge.predictions import (
     read_predictions,
 )
 from rattle.compare.judge.reference import (
-    FAR,
+    FAR_SDS,
     complete_rows,
     correct_steps,
     reduce_samples,
@@ -42,7 +42,7 @@ their label."""
 DIGITS_OF_LEVEL = 12
 """Digits of one less the level: 1 - 0.95 is 0.05, and not what doubles make of it."""
 
-POWER = 0.98
+SHARE_FOUND = 0.98
 """Probability, of a normal estimate, with which an error of twice the tolerance is found where
 there are enough paths: of a skewed one it is then still 95 %."""
 
@@ -326,18 +326,18 @@ def _unseen_remarks(table: pd.DataFrame) -> list[str]:
     """What an unseen share of the paths could change, in words."""
     shift = np.maximum(table["unseen_low"], table["unseen_high"]) / table["unit"]
     return [
-        f"fewer than {percent(share)} of the paths may be missing from these samples: {FAR:g} sds"
-        f" away they could change this {moment} by {change:.2g}"
+        f"fewer than {percent(share)} of the paths may be missing from these samples:"
+        f" {FAR_SDS:g} sds away they could change this {moment} by {change:.2g}"
         for share, moment, change in zip(table["unseen_share"], table["moment"], shift, strict=True)
     ]
 
 
 def _has_enough(table: pd.DataFrame, tail: float) -> pd.Series:
-    """Whether an error of twice the tolerance would be found with probability `POWER`."""
+    """Whether an error of twice the tolerance would be found with probability `SHARE_FOUND`."""
     z = -ndtri(tail)
     se = table["noise"] / z
     skewed = 1.0 + table["lean"].abs() * (2.0 * z**2 + 1.0) / (6.0 * z)
     half = half_width(table["paths"].fillna(np.inf), tail) * skewed * se
     beside = np.maximum(table["unseen_low"], table["unseen_high"]) + table["rest"]
-    enough: pd.Series = half + ndtri(POWER) * se + beside <= table["tolerance"]
+    enough: pd.Series = half + ndtri(SHARE_FOUND) * se + beside <= table["tolerance"]
     return enough

@@ -13,20 +13,22 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from rattle.compare.judge.samples import PathSamples, check_block
-from rattle.compare.judge.sums import PAIR, SINGLE, SampleSums
+from rattle.compare.judge.sums import SampleSums
 from rattle.montecarlo.statistics.intervals import ABSOLUTE, FEWEST_FOR_SD, ROUNDED_SD
 from rattle.montecarlo.statistics.section_statistics import (
+    PAIR,
+    SINGLE,
     pair_statistics,
     sd_influence,
     single_statistics,
 )
 from rattle.scene import Floats, InputError
 
-UNSEEN = 3.0
+UNSEEN_PATHS = 3.0
 """Paths of which none may be in a sample although their share is this over their number: with 95 %
 probability one is (the rule of three)."""
 
-FAR = 10.0
+FAR_SDS = 10.0
 """Distance from the mean, in sds, for which it is said what unseen paths could change."""
 
 FEWEST_EFFECTIVE = 10.0
@@ -163,7 +165,7 @@ def _moments_of(
     single: SampleSums, moments: Sequence[str], errors: dict[str, tuple[Floats, Floats, Floats]]
 ) -> list[Moments]:
     """The asked moments of every cell with their standard errors."""
-    values = single_statistics(single)  # type: ignore[arg-type]  # it has what is taken
+    values = single_statistics(single)
     n = single.n
     z = _standardised(single)
     reach = np.maximum(single.largest - single.mean[0], single.mean[0] - single.least)
@@ -224,15 +226,17 @@ def _rows_of(m: Moments, samples: PathSamples, rows: int, n: Floats) -> pd.DataF
 
 
 def _unseen(moment: str, n: Floats) -> tuple[Floats, Floats]:
-    """How much larger and how much smaller than its sampled value a moment may be, in sds, for
-    `UNSEEN` over n of the paths at `FAR` sds from the mean, none of which is in the sample."""
+    """How much larger and how much smaller than its sampled value a moment may be, in sds.
+
+    For `UNSEEN_PATHS` over n of the paths at `FAR_SDS` sds from the mean, none of them sampled.
+    """
     with np.errstate(divide="ignore"):
-        share = np.minimum(UNSEEN / n, 1.0)
+        share = np.minimum(UNSEEN_PATHS / n, 1.0)
     nil = 0.0 * share
-    both_ways = {"mean": share * FAR, "skew": share * FAR**3, "rho": share * FAR**2}
+    both_ways = {"mean": share * FAR_SDS, "skew": share * FAR_SDS**3, "rho": share * FAR_SDS**2}
     if moment in both_ways:
         return both_ways[moment], both_ways[moment]
-    upwards = np.sqrt(1.0 + share * FAR**2) - 1.0 if moment == "sd" else share * FAR**4
+    upwards = np.sqrt(1.0 + share * FAR_SDS**2) - 1.0 if moment == "sd" else share * FAR_SDS**4
     return upwards, nil
 
 
@@ -244,7 +248,7 @@ def _rows_of_pair(
     of_groups: tuple[Floats, Floats, Floats] | None,
 ) -> pd.DataFrame:
     """The rows of the correlation of two quantities."""
-    values = pair_statistics(sums)  # type: ignore[arg-type]  # it has what is taken
+    values = pair_statistics(sums)
     a, b = (samples.names[i] for i in pair)
     se, lean, effective = of_groups or (values["se_rho"], 0.0 * sums.n, sums.n)
     return pd.DataFrame(
@@ -364,7 +368,7 @@ def _errors_of_groups(
         for moment, cells in found.items()
     }
     for pair, sums in zip(pairs, joint, strict=True):
-        rho = pair_statistics(sums)["rho"]  # type: ignore[arg-type]
+        rho = pair_statistics(sums)["rho"]
         spreads = []
         for row in range(rows):
             u, v = (
@@ -392,7 +396,7 @@ def _spread_of_groups(influence: Floats, starts: NDArray[Any], n: float) -> tupl
     return se, float((total**3).mean()) / square**1.5 / math.sqrt(groups)
 
 
-AXES: dict[str, Any] = {"chain_axis": 0, "draw_axis": 1}
+CHAIN_AXES: dict[str, Any] = {"chain_axis": 0, "draw_axis": 1}
 
 
 def _errors_of_draws(
@@ -410,8 +414,8 @@ def _errors_of_draws(
     errors = {}
     for moment in ("mean", "sd"):
         draws = [cells[:, :, cell] for cell in range(cells.shape[2])]
-        se = np.array([stats.mcse(x, method=moment, **AXES) for x in draws])
-        ess = np.array([stats.ess(x, method=moment, **AXES) for x in draws])
+        se = np.array([stats.mcse(x, method=moment, **CHAIN_AXES) for x in draws])
+        ess = np.array([stats.ess(x, method=moment, **CHAIN_AXES) for x in draws])
         errors[moment] = (se, 0.0 * se, ess)
     return errors
 
@@ -481,6 +485,6 @@ def _add_unseen(table: pd.DataFrame) -> pd.DataFrame:
     return table.assign(
         unseen_low=low * unit,
         unseen_high=high * unit,
-        unseen_share=np.where(sampled, UNSEEN / np.where(n > 0.0, n, 1.0), 0.0),
+        unseen_share=np.where(sampled, UNSEEN_PATHS / np.where(n > 0.0, n, 1.0), 0.0),
         unseen_paths=np.where(sampled, n, 0.0),
     )

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
-from rattle.compare.judge.reference import UNSEEN
+from rattle.compare.judge.reference import UNSEEN_PATHS
 from rattle.compare.judge.verdict import JUDGED, Verdict, join_words, unbroken
 from rattle.scene import as_html
 from rattle.scene.numpy_errors import numpy_defaults
@@ -230,10 +230,10 @@ class Judgement(Verdicts):
         if self.exact or self.searched:
             return []
         paths = self.table["paths"].min()
+        share = percent(min(UNSEEN_PATHS / max(paths, 1.0), 1.0))
         return [
             "Rare branches were not searched for, as there is no model: anything that fewer than"
-            f" {percent(min(UNSEEN / max(paths, 1.0), 1.0))} of all paths do may be missing from"
-            f" {paths:,.0f} paths."
+            f" {share} of all paths do may be missing from {paths:,.0f} paths."
         ]
 
     def _describe_ended(self) -> list[str]:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from rattle.compare.judge.sums import BLOCK_VALUES
 from rattle.scene import FileError, Floats, InputError, nearest
 
-FORMS = (
+SAMPLE_FORMS = (
     "give an array (paths, rows, quantities), a mapping of names to arrays (paths, rows), a table"
     " with columns path, row and quantities, an xarray Dataset, a CSV or Parquet file or a folder"
     " of them, an iterator of blocks of paths, or a reduced table with columns x, se_x"
@@ -46,7 +46,7 @@ class PathSamples:
 
 
 def read_samples(given: Any, names: Sequence[str] | None, label: str, argument: str) -> PathSamples:
-    """Read samples in any of their `FORMS`.
+    """Read samples in any of their `SAMPLE_FORMS`.
 
     `names`: Of the quantities, where the samples do not say. `label`: What numbers the rows of the
     predictions. `argument`: Its name, for error messages.
@@ -65,7 +65,7 @@ def read_samples(given: Any, names: Sequence[str] | None, label: str, argument: 
         return _read_array(np.asarray(given), names, argument)
     if isinstance(given, Iterator):
         return _read_blocks(given, names, label, argument)
-    raise InputError(argument, type(given).__name__, FORMS)
+    raise InputError(argument, type(given).__name__, SAMPLE_FORMS)
 
 
 def _read_array(values: NDArray[Any], names: Sequence[str] | None, argument: str) -> PathSamples:
@@ -74,7 +74,7 @@ def _read_array(values: NDArray[Any], names: Sequence[str] | None, argument: str
     if values.ndim == 2 and names is not None and len(names) == 1:
         values = values[:, :, None]
     if values.ndim != 3:
-        why = f"has {values.ndim} dimensions; {FORMS}"
+        why = f"has {values.ndim} dimensions; {SAMPLE_FORMS}"
         raise InputError(argument, f"array of shape {values.shape}", why)
     if names is None:
         why = f"its {values.shape[2]} quantities have no names; give names=[...]"
@@ -89,7 +89,7 @@ def _read_mapping(given: Mapping[str, Any], argument: str) -> PathSamples:
     """A mapping of names to arrays (paths, rows)."""
     arrays = {str(name): np.asarray(values) for name, values in given.items()}
     if not arrays:
-        raise InputError(argument, {}, FORMS)
+        raise InputError(argument, {}, SAMPLE_FORMS)
     shapes = {}
     for name, values in arrays.items():
         _check_numbers(values, f"{argument}[{name!r}]")
@@ -146,7 +146,7 @@ def _read_table(
             return PathSamples(quantities, row, None, (), reduced=table, units=units)
         if any(name.startswith("se_") for name in columns):
             return _read_reduced(table, given, label, argument, units)
-        raise InputError(argument, columns, f"has no column 'path'; {FORMS}")
+        raise InputError(argument, columns, f"has no column 'path'; {SAMPLE_FORMS}")
     row = (
         label if label in columns else _row_column(columns, [path, *(names or ())], label, argument)
     )

@@ -14,12 +14,6 @@ from rattle.scene import Floats
 Powers = tuple[int, int]
 """Exponents of the deviations of two variables."""
 
-SINGLE: tuple[Powers, ...] = tuple((p, 0) for p in range(2, 9))
-"""Of one variable: the standard error of a kurtosis needs the eighth moment."""
-
-PAIR: tuple[Powers, ...] = tuple((p, q) for p, q in product(range(5), repeat=2) if 2 <= p + q <= 4)
-"""Of two variables: the standard error of a correlation needs the fourth."""
-
 BLOCK_VALUES = 2**17
 """Values that are summed at once: about a megabyte, which the cache of a processor holds."""
 

@@ -214,7 +214,9 @@ def _batches(run: Sampled, moment: str, quantity: str) -> Floats:
 
 
 def _centre(values: Floats) -> Floats:
-    """Deviations from the mean of each row."""
+    """Deviations from the mean of each row; a run may be too short for any batch."""
+    if values.shape[1] == 0:
+        return values
     return np.asarray(values - values.mean(axis=1, keepdims=True))
 
 

@@ -18,7 +18,7 @@ from scipy.special import ndtr
 from rattle.montecarlo.diagnostics.unseen import Unseen, unseen
 from rattle.montecarlo.diagnostics.unseen_text import unseen_text
 from rattle.montecarlo.kernel.block import BLOCK
-from rattle.montecarlo.statistics.intervals import CONFIDENCE
+from rattle.montecarlo.statistics.intervals import CONFIDENCE, ROUNDED_SD
 from rattle.montecarlo.statistics.section_statistics import stack_section
 from rattle.scene import SECTION, STATE, Floats, Scene
 
@@ -36,8 +36,6 @@ Z_OF_GAIN = 3.0  # half width, in standard errors, at which the skewness of rows
 BOUND_MOMENTS = ("mean", "sd")
 Place = tuple[np.intp, ...]
 """Indices of a moment in `BOUND_MOMENTS`, of a quantity in `SECTION`, and of an impact."""
-# sd over size of a quantity below which the rounding of a path matters beside 5 % of the sd
-ROUNDED_SD = 2.0**-40
 
 
 def smallest_sd(columns: Mapping[str, NDArray[Any]]) -> dict[str, Floats]:

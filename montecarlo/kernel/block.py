@@ -17,13 +17,8 @@ from rattle.montecarlo.noise.philox import key_of
 from rattle.montecarlo.schemes.control_variate import LinearPath, no_control
 from rattle.montecarlo.schemes.lanes import Lanes, Room, lanes_of
 from rattle.montecarlo.schemes.step_size import SCHEMES
-from rattle.montecarlo.statistics.central_sums import (
-    PAIR,
-    VARIANCE,
-    CentralSums,
-    Orders,
-    columns_of,
-)
+from rattle.montecarlo.statistics.central_sums import VARIANCE, CentralSums, columns_of
+from rattle.montecarlo.statistics.section_statistics import PAIR, Orders
 from rattle.montecarlo.statistics.weighted_sums import WeightedSums
 from rattle.scene import SECTION, Constants, Floats, Ints, Scene
 from rattle.scene.compiled import lean

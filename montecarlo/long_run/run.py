@@ -161,7 +161,7 @@ def refusal(
     if falls > 1.0 / 0.9:
         # of an exponential decay, over half of the run
         until = done + 0.5 * done * math.log(abs(moved.size)) / math.log(falls)
-        must = min(max(math.ceil(until), 2 * done), 64 * done)
+        must = math.ceil(min(max(until, 2 * done), 64 * done))
     if impacts < LEAST_IMPACTS:
         why = (
             f"a path had {impacts:.3g} impacts in the last half, and {LEAST_IMPACTS:g} are the"

@@ -10,18 +10,11 @@ from math import comb
 
 import numpy as np
 
+from rattle.montecarlo.statistics.section_statistics import SINGLE, Orders
 from rattle.scene import Floats, Ints
 from rattle.scene.compiled import inline, internal, lean, widest_vectors
 
-Orders = tuple[tuple[int, int], ...]
 Strands = tuple[Floats, ...]
-
-SINGLE: Orders = tuple((p, 0) for p in range(2, 9))
-"""Orders for one variable: up to 8, for the standard error of the fourth cumulant needs the eighth
-moment."""
-
-PAIR: Orders = tuple((p, q) for p in range(5) for q in range(5) if 2 <= p + q <= 4)
-"""Orders for two variables: up to 4, for the standard error of a correlation needs the fourth."""
 
 COVARIANCE: Orders = ((1, 1),)
 """A covariance alone."""

@@ -2,7 +2,7 @@
 sums."""
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,8 +10,30 @@ from numpy.typing import NDArray
 from rattle.scene import SECTION, Floats
 from rattle.scene.elementary import powers
 
-if TYPE_CHECKING:  # who reduces samples of another simulator compiles nothing
-    from rattle.montecarlo.statistics.central_sums import CentralSums
+Orders = tuple[tuple[int, int], ...]
+
+SINGLE: Orders = tuple((p, 0) for p in range(2, 9))
+"""Orders for one variable: up to 8, for the standard error of the fourth cumulant needs the eighth
+moment."""
+
+PAIR: Orders = tuple((p, q) for p in range(5) for q in range(5) if 2 <= p + q <= 4)
+"""Orders for two variables: up to 4, for the standard error of a correlation needs the fourth."""
+
+
+class Sums(Protocol):
+    """Central sums of one variable or two, for many cells at once, whoever has summed."""
+
+    @property
+    def n(self) -> Floats:
+        """Observations of each cell."""
+
+    @property
+    def mean(self) -> Floats:
+        """Means of both variables; (2, ...)."""
+
+    def moment(self, p: int, q: int) -> Floats:
+        """Central moment ``E[(a - E a)^p (b - E b)^q]``, without bias correction."""
+
 
 # smallest normal float; smaller ones have fewer digits
 SMALLEST_NORMAL = float(np.finfo(float).tiny)
@@ -47,14 +69,14 @@ def variance_of(
     return np.maximum(square - np.square(mean), 0.0)
 
 
-def mean_statistics(sums: "CentralSums") -> dict[str, Floats]:
+def mean_statistics(sums: Sums) -> dict[str, Floats]:
     """Mean of the first variable with its standard error."""
     with np.errstate(invalid="ignore", divide="ignore"):
         se = np.sqrt(sums.moment(2, 0) / sums.n)
     return {"mean": np.where(sums.n > 0, sums.mean[0], np.nan), "se_mean": se}
 
 
-def single_statistics(sums: "CentralSums") -> dict[str, Floats]:
+def single_statistics(sums: Sums) -> dict[str, Floats]:
     """Mean, sd, skewness and excess kurtosis with standard errors.
 
     Skewness and excess kurtosis are the third and fourth cumulants in units of the sd.  Standard
@@ -98,7 +120,7 @@ def single_statistics(sums: "CentralSums") -> dict[str, Floats]:
         }
 
 
-def pair_statistics(sums: "CentralSums") -> dict[str, Floats]:
+def pair_statistics(sums: Sums) -> dict[str, Floats]:
     """Covariance and correlation of a pair with their standard errors.
 
     ``se_z`` is the standard error of Fisher's ``artanh rho``; it is ``1 / sqrt(n)`` for a Gaussian
@@ -159,7 +181,7 @@ class StepBias(NamedTuple):
     rest: Floats
 
 
-def extrapolate(fine: "CentralSums", coarse: "CentralSums") -> dict[str, StepBias]:
+def extrapolate(fine: Sums, coarse: Sums) -> dict[str, StepBias]:
     """Step bias of the means and of the sds.
 
     `fine`, `coarse`: Joint sums of the same quantities at dt and 2 dt, and at 2 dt and 4 dt.

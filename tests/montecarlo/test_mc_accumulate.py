@@ -8,9 +8,14 @@ import pytest
 from scipy import stats
 
 from rattle.montecarlo.statistics import intervals
-from rattle.montecarlo.statistics.central_sums import PAIR, SINGLE, CentralSums, columns_of
+from rattle.montecarlo.statistics.central_sums import CentralSums, columns_of
 from rattle.montecarlo.statistics.intervals import spread
-from rattle.montecarlo.statistics.section_statistics import pair_statistics, single_statistics
+from rattle.montecarlo.statistics.section_statistics import (
+    PAIR,
+    SINGLE,
+    pair_statistics,
+    single_statistics,
+)
 
 
 def central_sums(a, b, orders):

@@ -27,6 +27,7 @@ SMALL = {
     "check published": "--result bouncing-ball",
     "check extremes": "",
     "drive": f"{ROOT / 'examples' / 'measured-drive.toml'} --out out",
+    "judge": "predicted.csv samples.csv --out out",
     "boundary": "--impacts 1 --points 2 --width 0.9 --out out",
     "sensitivity": "scene.toml --parameter epsilon --quantity power --accuracy 1 --out out",
     "stationary": "scene.toml --paths 64 --periods 64 --out out",
@@ -49,6 +50,8 @@ def test_every_command_prints_strict_json_and_writes_it(command, tmp_path, monke
     (tmp_path / "study.toml").write_text(study("σ \\u202e\\u009b", sigma=(0.0, 0.1)))
     # without a second stage, and so without numbers for it
     (tmp_path / "scene.toml").write_text(SINGLE)
+    (tmp_path / "predicted.csv").write_text("time,x,sd_x\n0.5,1.0,2.0\n")
+    (tmp_path / "samples.csv").write_text("path,time,x\n0,0.5,1.0\n1,0.5,2.0\n")
     about = {"name": "lost", "quantity": "β", "statement": "", "reference": ""}
     rows = {"lost": extreme(lambda: [math.inf], allowed=1.0, **about)}
     monkeypatch.setattr(extremes, "EXTREMES", rows)  # all of them take a minute

@@ -161,9 +161,9 @@ def test_few_paths_do_not_call_a_perfect_closure_inaccurate(few, paths):
 def test_few_paths_with_normal_intervals_would(few, monkeypatch):
     claim, runs = few
     monkeypatch.setattr(
-        "rattle.compare.validation.errors.half_width", lambda *_: widest(2 * len(SECTION) * 2)
+        "rattle.compare.judge.rows.half_width", lambda *_: widest(2 * len(SECTION) * 2)
     )
-    monkeypatch.setattr("rattle.compare.validation.errors.FEWEST_FOR_SD", 0)
+    monkeypatch.setattr("rattle.montecarlo.diagnostics.reference.FEWEST_FOR_SD", 0)
     assert seeds_called_inaccurate(claim, runs[4]) > 30
 
 

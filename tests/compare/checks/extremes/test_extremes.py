@@ -110,7 +110,7 @@ NEGATIVE_CONTROLS = {
     "sticking_end": (orbit, "follow", late_sticking),
     "free_covariance": (flight, "noise_covariance", lambda *a: 1.3 * noise_covariance(*a)),
     "exit_times": (
-        montecarlo,
+        noise,
         "simulate",
         lambda s, **k: simulate(s.with_sigma(1.15 * s.sigma), **k),
     ),
