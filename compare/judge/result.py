@@ -301,12 +301,13 @@ class Judgement(Verdicts):
         Returns
         -------
         xarray.Dataset
-            Dimensions ``closure``, the label of the rows, ``quantity, moment``; ``attrs["units"]``
-            holds the unit of each quantity.
+            Dimensions ``closure``, the label of the rows, ``quantity, moment``;
+            ``["quantity"].attrs`` holds the unit of each quantity.
         """
         keys = ["closure", self.label, "quantity", "moment"]
         dataset = self.table.drop(columns="kind").set_index(keys).to_xarray()
-        return dataset.assign_attrs(units=str(self.units))
+        dataset["quantity"].attrs.update(self.units)
+        return dataset
 
     def report(self, folder: str | Path, *, overwrite: bool = False) -> Path:
         """Write a page with the verdicts, their figure and their table.

@@ -257,7 +257,9 @@ def test_several_closures_and_a_function(samples, predicted):
 def test_result_as_dataset_page_and_text(samples, predicted, tmp_path):
     """Everything that a result offers."""
     found = rt.judge(predicted, samples, units={"x": "mm"})
-    assert found.to_xarray()["verdict"].dims == ("closure", "time", "quantity", "moment")
+    dataset = found.to_xarray()
+    assert dataset["verdict"].dims == ("closure", "time", "quantity", "moment")
+    assert dataset["quantity"].attrs == found.units
     page = found.report(tmp_path / "page")
     assert "Can the closure be believed?" in page.read_text(encoding="utf-8")
     assert len(found.plot().axes) >= 5
