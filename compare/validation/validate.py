@@ -12,6 +12,7 @@ import pandas as pd
 
 from rattle.closure import Closure, MeanMap, Orbit, closures_for, follow
 from rattle.closure.mean_map import closure_seconds, find_closures, predict
+from rattle.compare.judge.judge import COLUMNS_AFTER, COLUMNS_BEFORE
 from rattle.compare.judge.rows import NamedSection
 from rattle.compare.judge.verdict import Tolerances, Verdict
 from rattle.compare.validation import errors
@@ -47,30 +48,14 @@ PILOT_PATHS = 64  # paths of the pilot run that bounds the time of the last impa
 # compared
 TIME_MARGIN = 10.0
 
+OF_SAMPLES_ALONE = ("paths", "enough_paths")
+"""Columns of `rattle.judge` that a validation leaves to its `Validation.run`."""
+
 TABLE_COLUMNS = (
-    *(
-        "closure",
-        "kind",
-        "impact",
-        "time",
-        "quantity",
-        "moment",
-        "predicted",
-        "simulated",
-        "se",
-        "bias",
-    ),
-    *(
-        "error",
-        "low",
-        "high",
-        "unit",
-        "tolerance",
-        "verdict",
-        "paths_needed",
-        "agreement",
-        "remark",
-    ),
+    *COLUMNS_BEFORE,
+    "impact",
+    "time",
+    *(name for name in COLUMNS_AFTER if name not in OF_SAMPLES_ALONE),
 )
 
 
