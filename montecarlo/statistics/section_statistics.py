@@ -20,7 +20,7 @@ PAIR: Orders = tuple((p, q) for p in range(5) for q in range(5) if 2 <= p + q <=
 """Orders for two variables: up to 4, for the standard error of a correlation needs the fourth."""
 
 
-class Sums(Protocol):
+class Summed(Protocol):
     """Central sums of one variable or two, for many cells at once, whoever has summed."""
 
     @property
@@ -69,14 +69,14 @@ def variance_of(
     return np.maximum(square - np.square(mean), 0.0)
 
 
-def mean_statistics(sums: Sums) -> dict[str, Floats]:
+def mean_statistics(sums: Summed) -> dict[str, Floats]:
     """Mean of the first variable with its standard error."""
     with np.errstate(invalid="ignore", divide="ignore"):
         se = np.sqrt(sums.moment(2, 0) / sums.n)
     return {"mean": np.where(sums.n > 0, sums.mean[0], np.nan), "se_mean": se}
 
 
-def single_statistics(sums: Sums) -> dict[str, Floats]:
+def single_statistics(sums: Summed) -> dict[str, Floats]:
     """Mean, sd, skewness and excess kurtosis with standard errors.
 
     Skewness and excess kurtosis are the third and fourth cumulants in units of the sd.  Standard
@@ -120,7 +120,7 @@ def single_statistics(sums: Sums) -> dict[str, Floats]:
         }
 
 
-def pair_statistics(sums: Sums) -> dict[str, Floats]:
+def pair_statistics(sums: Summed) -> dict[str, Floats]:
     """Covariance and correlation of a pair with their standard errors.
 
     ``se_z`` is the standard error of Fisher's ``artanh rho``; it is ``1 / sqrt(n)`` for a Gaussian
@@ -181,7 +181,7 @@ class StepBias(NamedTuple):
     rest: Floats
 
 
-def extrapolate(fine: Sums, coarse: Sums) -> dict[str, StepBias]:
+def extrapolate(fine: Summed, coarse: Summed) -> dict[str, StepBias]:
     """Step bias of the means and of the sds.
 
     `fine`, `coarse`: Joint sums of the same quantities at dt and 2 dt, and at 2 dt and 4 dt.
