@@ -11,6 +11,7 @@ from rattle.compare.cli.shared import EXIT_NOT_MET, Results
 from rattle.compare.report.folder import name_of
 
 COARSER_HELP = "Samples at twice the step: the bias of the step is estimated."
+ROWS_HELP = "Column that numbers the rows. [default: impact, row or time]"
 NAMES_HELP = "Column of the samples that is a quantity; repeatable. [default: all numbers]"
 
 
