@@ -228,6 +228,33 @@ def test_a_reference_whose_step_is_too_long_cannot_be_believed(samples, predicte
     assert set(rt.judge(claim, {"x": samples[:, :, 0] + 0.3}).table["verdict"]) >= {"inaccurate"}
 
 
+def test_a_coarser_reduced_table_corrects_a_reduced_one(predicted):
+    """Both without the paths themselves."""
+    claim = predicted[["x", "sd_x"]]
+    table = claim.assign(x=0.1, se_x=0.001, se_sd_x=0.001, paths=PATHS)
+    found = rt.judge(claim, table, coarser=table.assign(x=0.2)).table
+    means = found[found["moment"] == "mean"]
+    np.testing.assert_allclose(means["bias"], 0.1)
+    np.testing.assert_allclose(means["error"], 0.0, atol=1e-12)
+
+
+def test_other_forms_of_predictions(samples, predicted, tmp_path):
+    """A dataset with units, a file with a column impact, rows without labels."""
+    dataset = predicted[["x", "sd_x"]].to_xarray()
+    dataset["x"].attrs["units"] = "mm"
+    assert rt.judge(dataset, {"x": samples[:, :, 0]}).label == "time"
+    table = predicted[["x", "sd_x"]].reset_index(drop=True).assign(impact=[1, 2, 3])
+    table.to_csv(tmp_path / "mine.csv", index=False)
+    found = rt.judge(tmp_path / "mine.csv", {"x": samples[:, :, 0]})
+    assert found.label == "impact"
+    assert found.closures == ("mine",)
+    assert rt.judge(table.drop(columns="impact"), {"x": samples[:, :, 0]}).label == "row"
+    extra = predicted.assign(mesh=1)
+    lines = rt.judge(extra[["x", "sd_x", "mesh"]], samples, names=["x", "v"]).answer
+    assert "Not compared, as the samples have no such quantity: `mesh`." in lines
+    assert "Nothing is predicted of `v`." in lines
+
+
 def test_paths_that_end_are_counted_by_row(samples, predicted):
     """Half of the paths end before the last row."""
     ended = samples.copy()
@@ -318,6 +345,42 @@ def refusals(samples, predicted, tmp_path):
         "starts late": ((predicted, late), "path 3, row 1"),
         "infinite": ((predicted, infinite), "path 5, row 2, v"),
         "no samples": ((predicted, 3.0), "give an array"),
+        "no predictions": (([1.0], samples), "give a table"),
+        "a table and a number": (({"a": predicted, "b": 3.0}, samples), "as for the others"),
+        "columns of unlike length": (({"x": [0.0, 0.0], "sd_x": 1.0}, samples), "same number"),
+        "words": ((predicted.assign(x="a"), samples), "give real numbers"),
+        "infinite prediction": ((predicted.assign(x=np.inf), samples), "is infinite"),
+        "a row twice": ((pd.concat([predicted, predicted]), as_long(samples)), "stands twice"),
+        "flat": ((predicted, samples[:, 0, 0]), "has 1 dimensions"),
+        "unlike arrays": (
+            (predicted, {"x": samples[:, :, 0], "v": samples[:, :2, 1]}),
+            "same paths and rows",
+        ),
+        "flat mapping": ((predicted, {"x": samples[:, 0, 0]}), "(paths, rows)"),
+        "nothing in a mapping": ((predicted, {}), "give an array"),
+        "no paths in a table": ((predicted, as_long(samples)[["x", "v"]]), "no column 'path'"),
+        "no rows in a table": ((predicted, as_long(samples).drop(columns="time")), "'time'"),
+        "two values of a path": ((predicted, pd.concat([as_long(samples)] * 2)), "two rows"),
+        "no blocks": ((predicted, iter([])), "no block"),
+        "unlike blocks": (
+            (predicted, iter([as_long(samples), {"x": samples[:, :, 0]}])),
+            "other quantities",
+        ),
+        "no file of samples": ((predicted, tmp_path), "is no table"),
+        "another kind of file": ((predicted, tmp_path / "a.txt"), ".csv"),
+        "spread too small": ((predicted, 1e-200 * samples), "unit"),
+        "mean without sd": (
+            (predicted[["x"]], pd.DataFrame({"x": 0.0, "se_x": 0.1}, index=TIMES)),
+            "add the column 'sd_x'",
+        ),
+        "no errors": (
+            (predicted[["x"]], pd.DataFrame({"x": 0.0, "se_y": 0.1}, index=TIMES)),
+            "se_x",
+        ),
+        "negative error": (
+            (predicted[["x"]], pd.DataFrame({"x": 0.0, "se_x": -0.1}, index=TIMES)),
+            "must be 0 or greater",
+        ),
     }, {"units differ": ((metres, samples), {"units": {"x": "mm"}}, "convert one of them")}
 
 
@@ -332,11 +395,22 @@ def test_bad_input_is_named(samples, predicted, tmp_path):
             names = {"names": ["x", "v"]}
         with pytest.raises(InputError) as refusal:
             rt.judge(*given, **names, **options)
-        assert part in str(refusal.value), name
+        assert part in str(refusal.value), f"{name}: {refusal.value}"
 
 
 @pytest.mark.parametrize(
-    ("option", "value"), [("level", 1.0), ("checks", 0), ("names", ["x"]), ("groups", [1, 2])]
+    ("option", "value"),
+    [
+        ("level", 1.0),
+        ("checks", 0),
+        ("names", ["x"]),
+        ("groups", [1, 2]),
+        ("groups", "family"),
+        ("groups", np.zeros(PATHS)),
+        ("tolerances", 0.1),
+        ("coarser", np.zeros((PATHS, ROWS + 1, 2))),
+        ("coarser", {"q": np.zeros((PATHS, ROWS))}),
+    ],
 )
 def test_bad_options_are_named(samples, predicted, option, value):
     """Each by its name."""
