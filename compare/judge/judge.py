@@ -122,7 +122,7 @@ def judge(
     Returns
     -------
     Judgement
-        A verdict on every moment; `Judgement.answer` says them in sentences.
+        A verdict on every moment; ``answer`` says them in sentences.
 
     Raises
     ------
@@ -131,7 +131,7 @@ def judge(
 
     Notes
     -----
-    Intervals are those of `rattle.validate`: Student's t, longer on the side to which the sampling
+    Intervals are those of ``validate``: Student's t, longer on the side to which the sampling
     distribution is skewed (Hall 1992), simultaneous over all rows (Bonferroni).  Without a model,
     rare branches cannot be searched for: n paths exclude with 95 % probability only what more than
     3 / n of all paths do, and the intervals hold for such a share ten sds away from the mean.

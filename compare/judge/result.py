@@ -78,7 +78,7 @@ class Judgement(Verdicts):
     ----------
     table : DataFrame
         A row for each closure, row, quantity and moment, in the columns of
-        `rattle.compare.Validation.table`; besides ``paths``, and ``enough_paths``: whether an error
+        ``Validation.table``; besides ``paths``, and ``enough_paths``: whether an error
         of twice the tolerance would be found with a probability of 95 %.
     label : str
         What numbers the rows: the column of the table in place of ``impact``.

@@ -57,7 +57,7 @@ class Tolerances(NamedTuple):
     rho : float
         Of correlation coefficients, absolute.
     skew, kurt : float
-        Of skewness and excess kurtosis, absolute; `rattle.judge` alone judges them.
+        Of skewness and excess kurtosis, absolute; ``rattle.judge`` alone judges them.
 
     Examples
     --------

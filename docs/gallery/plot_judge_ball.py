@@ -7,7 +7,7 @@ A reference that cannot be believed: a bouncing ball with noisy drag
 Wang and Lee (arXiv 2003.01201) simulate this ball with a step of 0.025. At that step the *sample*
 is wrong: after six units of time it has nearly twice the energy that small steps give, because a
 ball near rest is lifted by every impact that comes a step late. Given samples at twice the step,
-:func:`rattle.judge` sees it: rows whose bias exceeds the tolerance stay undecided, and the answer
+``rattle.judge`` sees it: rows whose bias exceeds the tolerance stay undecided, and the answer
 says that the samples cannot be believed there. Without them it would call the right values wrong.
 """
 

@@ -6,7 +6,7 @@ Samples of another simulator: an impact oscillator
 
 is no pair of gears, and its paths are sampled here in a few lines of numpy. A Gaussian closure
 written by hand follows mean and covariance from impact to impact, through the derivative of an
-impact (its saltation matrix). :func:`rattle.judge` says where it holds; the paths at twice the step
+impact (its saltation matrix). ``rattle.judge`` says where it holds; the paths at twice the step
 show what the step does. For r = 1 the oscillator strikes its wall :math:`1/\pi` times a unit of
 time in the long run, whatever the noise.
 """

@@ -6,7 +6,7 @@ Molecules are born at a constant rate and vanish in pairs: birth at rate b, and 
 rate c x (x - 1). The equation of the mean needs the second moment, that of the second the third: a
 closure has to guess it. The normal closure takes the third cumulant for 0, the log-normal one takes
 :math:`E x^3 = (E x^2)^3 / (E x)^3`. Paths of Gillespie's algorithm are exact, so no step has a
-bias; :func:`rattle.judge` says how far each closure holds, for many molecules and for few.
+bias; ``rattle.judge`` says how far each closure holds, for many molecules and for few.
 """
 
 import matplotlib.pyplot as plt

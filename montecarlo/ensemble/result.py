@@ -303,7 +303,7 @@ class Ensemble(SectionResult):
         return pd.DataFrame(shares, index=pd.RangeIndex(1, self.impacts + 1, name="impact"))
 
     def to_samples(self) -> pd.DataFrame:
-        """What the paths say of every section mean and sd, as `rattle.judge` takes it.
+        """What the paths say of every section mean and sd, as ``rattle.judge`` takes it.
 
         Returns
         -------
