@@ -64,9 +64,9 @@ for ax, birth in zip(axes, (1.0, 40.0), strict=True):
     )
     print(f"birth rate {birth:g}:", found, sep="\n")
     for name, rows in found.table[found.table["moment"] == "sd"].groupby("closure", sort=False):
-        low, high = rows["error"] - rows["low"], rows["high"] - rows["error"]
-        ax.errorbar(rows["time"], rows["error"] / rows["unit"], [low, high], label=name, capsize=2)
+        error, low, high = (rows[column] / rows["unit"] for column in ("error", "low", "high"))
+        ax.errorbar(rows["time"], error, [error - low, high - error], label=name, capsize=2)
     ax.axhspan(-0.1, 0.1, color="tab:blue", alpha=0.15, label="counts as accurate")
-    ax.set(xscale="log", xlabel="time", ylabel="error of the sd, in sds", title=f"birth {birth:g}")
+    ax.set(xlabel="time", ylabel="error of the sd, in sds", title=f"birth {birth:g}")
 axes[0].legend()
 plt.show()
