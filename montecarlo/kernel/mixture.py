@@ -17,7 +17,7 @@ import numpy as np
 
 from rattle.montecarlo.seed import child_seed
 from rattle.scene import Floats, Ints
-from rattle.scene.compiled import internal, widest_vectors
+from rattle.scene.compiled import lean_internal, widest_vectors
 
 # thresholds before a design point, in sds: its boundary is curved, and further away where the noise
 # is strong; the share of a part's paths that each has
@@ -100,7 +100,7 @@ def draw_targets(
     return part, ahead
 
 
-@internal
+@lean_internal
 def condition(mixture: BranchMixture, n: int, z: Floats, carried: Floats, lanes: int) -> None:
     """Draw the increments of step n conditionally, for the paths of every part.
 
@@ -118,7 +118,7 @@ def condition(mixture: BranchMixture, n: int, z: Floats, carried: Floats, lanes:
             _add_along(z, u, carried[2 + k], lanes)
 
 
-@internal
+@lean_internal
 def _condition_part(
     z: Floats, u: float, rest: float, k: int, part: Floats, ahead: Floats, lanes: int
 ) -> None:
@@ -138,7 +138,7 @@ def _condition_part(
         ahead[p] -= u * x if of_part else 0.0
 
 
-@internal
+@lean_internal
 def _add_along(z: Floats, u: float, done: Floats, lanes: int) -> None:
     """Add a step's normals to ``u z``; vectorises."""
     widest_vectors()
@@ -146,7 +146,7 @@ def _add_along(z: Floats, u: float, done: Floats, lanes: int) -> None:
         done[p] += u * z[p]
 
 
-@internal
+@lean_internal
 def weigh(mixture: BranchMixture, n: int, carried: Floats, p: int, weights: Floats) -> None:
     """Write the weight of the path in lane p after n steps, and its ``u z`` along each unit
     vector, for some of its impacts.

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 from rattle.montecarlo.noise.philox import CONTACT, Key, Word, normals, uniforms
 from rattle.scene import Floats, Scene, Tolerance
-from rattle.scene.compiled import internal, lean
+from rattle.scene.compiled import lean, lean_internal
 from rattle.scene.types import CUT
 
 DISTRIBUTION_CODES = {"fixed": 0, "uniform": 1, "normal": 2}
@@ -34,7 +34,7 @@ def backlash_of(scene: Scene) -> Backlash:
     )
 
 
-@internal
+@lean_internal
 def _deviation(key: Key, path: Word, contact: Word, distribution: int) -> float:
     """Deviation number `contact` of a path, in units of c_max."""
     if distribution == 0:
@@ -50,14 +50,14 @@ def _deviation(key: Key, path: Word, contact: Word, distribution: int) -> float:
     return 0.0  # all attempts rejected: probability 0.05^64, about 1e-83
 
 
-@internal
+@lean_internal
 def half_gap(b: Backlash, key: Key, path: Word, contact: Word, mesh: int) -> float:
     """Half gap of a flank by draw number `contact` of a path."""
     gap, c_max = (b.gap1, b.c1_max) if mesh == 1 else (b.gap2, b.c2_max)
     return gap + c_max * _deviation(key, path, contact, b.distribution)
 
 
-@internal
+@lean_internal
 def first_half_gap(b: Backlash, key: Key, path: Word, flank: int) -> float:
     """Half gap of a flank at the start; both flanks of a mesh share a draw unless impacts redraw
     them."""

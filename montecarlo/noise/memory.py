@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 from rattle.montecarlo.noise.philox import MEMORY, Key, Word, normals
 from rattle.scene import Floats
-from rattle.scene.compiled import internal, lean, widest_vectors
+from rattle.scene.compiled import lean, lean_internal, widest_vectors
 
 
 class Memory(NamedTuple):
@@ -52,7 +52,7 @@ def begin_memory(theta: float, key: Key, first: int, eta: Floats) -> None:
         eta[p] = sd * normals(key, Word(first + p), Word(0), Word(MEMORY))[0]
 
 
-@internal
+@lean_internal
 def color_noise(
     m: Memory, eta: Floats, w: Floats, area: Floats, has_area: bool, lanes: int
 ) -> None:

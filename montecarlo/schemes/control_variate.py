@@ -20,7 +20,7 @@ from rattle.montecarlo.schemes.short_flight import kick
 from rattle.montecarlo.schemes.step_state import State
 from rattle.montecarlo.statistics.central_sums import CentralSums
 from rattle.scene import SECTION, Bools, Constants, Floats, Ints, Scene
-from rattle.scene.compiled import inline, internal
+from rattle.scene.compiled import inline, lean_internal
 from rattle.scene.flight import field, jacobian
 from rattle.scene.impact import slowest_impact
 from rattle.scene.linear_algebra import product, transform
@@ -180,7 +180,7 @@ def _row(m: Floats, v: State) -> float:
     return total
 
 
-@internal
+@lean_internal
 def carry_along(
     path: LinearPath,
     n: int,

@@ -14,7 +14,7 @@ from typing import Any
 from rattle.montecarlo.schemes.short_flight import Phase
 from rattle.montecarlo.schemes.step_state import State, Walls, flanks_of, of_mesh
 from rattle.scene import Constants
-from rattle.scene.compiled import inline, internal, lean
+from rattle.scene.compiled import inline, lean, lean_internal
 from rattle.scene.drive import (
     highest_order,
     most_acceleration,
@@ -75,7 +75,7 @@ def near_wall(
     return (max(a, b) > high - margin) | (min(a, b) < margin - low) | (x > high) | (x < -low)
 
 
-@internal
+@lean_internal
 def first_root(a: float, b: float, c: float, d: float) -> float:
     """First zero in (0, 1] of a cubic, by safeguarded Newton steps on the first of eight pieces
     that ends below zero.
@@ -118,7 +118,7 @@ def first_root(a: float, b: float, c: float, d: float) -> float:
     return guess
 
 
-@internal
+@lean_internal
 def _cut_at(
     gap0: float,
     rate0: float,

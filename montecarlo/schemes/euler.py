@@ -23,7 +23,7 @@ from rattle.montecarlo.schemes.time_scales import (
     time_scales,
 )
 from rattle.scene import Bools, Constants, Floats, Scene
-from rattle.scene.compiled import fma, inline, internal, lean, splice, widest_vectors
+from rattle.scene.compiled import fma, inline, lean, lean_internal, splice, widest_vectors
 from rattle.scene.drive import highest_order
 from rattle.scene.flight import noise_rate
 
@@ -67,7 +67,7 @@ def euler_step(
     )
 
 
-@internal
+@lean_internal
 def plain_lanes(
     c: Constants,
     f: StepForcing,

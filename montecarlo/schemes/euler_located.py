@@ -30,7 +30,7 @@ from rattle.montecarlo.schemes.step_state import (
 )
 from rattle.montecarlo.schemes.sticking import stays_open, stick_to_end
 from rattle.scene import Bools, Constants
-from rattle.scene.compiled import inline, internal, lean
+from rattle.scene.compiled import inline, lean, lean_internal
 
 
 @inline
@@ -40,7 +40,7 @@ def leaves(h: float, x: float, y: float, high: float, low: float) -> bool:
     return (end > high) | (end < -low)
 
 
-@internal
+@lean_internal
 def step_lanes(
     c: Constants, tau: float, h: float, toleranced: bool, lanes: Lanes, beyond: Bools, live: int
 ) -> None:
@@ -63,7 +63,7 @@ def step_lanes(
         x1[p], y1[p], x2[p], y2[p] = euler_step(c, f, h, x1[p], y1[p], x2[p], y2[p], z[p])
 
 
-@internal
+@lean_internal
 def _part_of_step(c: Constants, tau: float, s: float, increment: float, state: State) -> State:
     """State after an Euler step of length s with a given Brownian increment; as it is for s <=
     0."""

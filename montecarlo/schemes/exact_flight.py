@@ -55,7 +55,7 @@ from rattle.montecarlo.schemes.time_scales import (
     time_scales,
 )
 from rattle.scene import Bools, Constants, Floats, Scene
-from rattle.scene.compiled import inline, internal, lean, splice
+from rattle.scene.compiled import inline, lean, lean_internal, splice
 from rattle.scene.damping import pair
 from rattle.scene.drive import highest_order
 
@@ -118,7 +118,7 @@ def second_stage(
     )
 
 
-@internal
+@lean_internal
 def step_lanes(
     c: Constants, tau: float, h: float, toleranced: bool, lanes: Lanes, near: Bools, live: int
 ) -> None:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from rattle.montecarlo.noise.philox import Word
 from rattle.montecarlo.schemes.step_state import MOST_PARTS
 from rattle.scene import Bools, Floats, Ints
-from rattle.scene.compiled import inline, internal, splice, widest_vectors
+from rattle.scene.compiled import inline, lean_internal, splice, widest_vectors
 
 # finest steps between retirements of finished paths; a multiple of 4 (steps of a draw, coarsest
 # step)
@@ -117,7 +117,7 @@ def of_level(every: Lanes, level: int, w: Floats, area: Floats) -> Lanes:
     )
 
 
-@internal
+@lean_internal
 def list_marked(marks: Bools, lanes: int, groups: Ints, out: Ints) -> int:
     """List the marked lanes, by groups of eight first since marks are rare.
 
@@ -143,7 +143,7 @@ def list_marked(marks: Bools, lanes: int, groups: Ints, out: Ints) -> int:
     return int(np.int64(found))
 
 
-@internal
+@lean_internal
 def join_halves(
     fine_w: Floats, fine_area: Floats, w: Floats, area: Floats, second: bool, live: int
 ) -> None:
@@ -165,7 +165,7 @@ def join_halves(
             w[p], area[p] = w2, fine_area[p]
 
 
-@internal
+@lean_internal
 def join_increments(
     fine_w: Floats, fine_area: Floats, w: Floats, area: Floats, second: bool, live: int
 ) -> None:
@@ -175,7 +175,7 @@ def join_increments(
         w[p] = (w[p] + fine_w[p]) * ROOT_HALF if second else fine_w[p]
 
 
-@internal
+@lean_internal
 def retire(every: Lanes, room: Room, impacts: int, live: int) -> int:
     """Move the last path in use to the lane of each finished one.
 

@@ -13,7 +13,7 @@ from rattle.montecarlo.schemes.crossing import MARGIN_SDS
 from rattle.montecarlo.schemes.short_flight import kick, under
 from rattle.montecarlo.schemes.step_state import Progress, Walls, put_on_wall
 from rattle.scene import Constants
-from rattle.scene.compiled import inline, internal
+from rattle.scene.compiled import inline, lean_internal
 from rattle.scene.sticking import Sides, find_sticking, open_stage, presses, stick_on, stuck_on
 
 
@@ -29,14 +29,14 @@ def stay(c: Constants, at: Progress, sides: Sides, walls: Walls) -> Progress:
     return at
 
 
-@internal
+@lean_internal
 def sides_of(code: int) -> Sides:
     """The mesh of an impact closed on the side of that impact, the other open."""
     side = 1 if code > 0 else -1
     return (side, 0) if abs(code) == 1 else (0, side)
 
 
-@internal
+@lean_internal
 def sticking_sides(c: Constants, at: Progress, walls: Walls) -> Sides:
     """The sides on which meshes stick for what is left of a step.
 
@@ -67,7 +67,7 @@ def sticking_sides(c: Constants, at: Progress, walls: Walls) -> Sides:
     return sides
 
 
-@internal
+@lean_internal
 def stop_at_wall(
     x: float, y: float, before: float, t: float, high: float, low: float
 ) -> tuple[float, float]:
@@ -84,7 +84,7 @@ def stop_at_wall(
     return (high if side > 0.0 else -low), side * math.sqrt(max(y * y - gained, 0.0))
 
 
-@internal
+@lean_internal
 def stick_to_end(c: Constants, at: Progress, sides: Sides, walls: Walls) -> Progress:
     """The path at the end of its step, with some meshes closed until then."""
     first, second = sides

@@ -12,7 +12,7 @@ import numpy as np
 
 from rattle.montecarlo.statistics.section_statistics import SINGLE, Orders
 from rattle.scene import Floats, Ints
-from rattle.scene.compiled import inline, internal, lean, widest_vectors
+from rattle.scene.compiled import inline, lean, lean_internal, widest_vectors
 
 Strands = tuple[Floats, ...]
 
@@ -59,7 +59,7 @@ def _strands(x: Floats, n: int) -> Strands:
     )
 
 
-@internal
+@lean_internal
 def _add_strands(x: Floats, n: int, out: Floats) -> None:
     """Add eight strands of n numbers each, in pairs; `out` may be the first of them."""
     widest_vectors()
@@ -68,7 +68,7 @@ def _add_strands(x: Floats, n: int, out: Floats) -> None:
         out[i] = ((a[i] + b[i]) + (c[i] + d[i])) + ((e[i] + f[i]) + (g[i] + h[i]))
 
 
-@internal
+@lean_internal
 def _fold(x: Floats, n: int) -> float:
     """Sum of the first n numbers of an array, n a multiple of 8, which is overwritten.
 
@@ -82,7 +82,7 @@ def _fold(x: Floats, n: int) -> float:
     return total
 
 
-@internal
+@lean_internal
 def _sum(u: Floats, room: Floats) -> float:
     """Sum of numbers in a fixed order; their number is a multiple of `STRAND`, and `room` has an
     eighth of it."""
@@ -91,7 +91,7 @@ def _sum(u: Floats, room: Floats) -> float:
     return _fold(room, n)
 
 
-@internal
+@lean_internal
 def product_sum(u: Floats, v: Floats, room: Floats) -> float:
     """Sum of products in the order of `_sum`."""
     widest_vectors()
@@ -105,7 +105,7 @@ def product_sum(u: Floats, v: Floats, room: Floats) -> float:
     return _fold(room, n)
 
 
-@internal
+@lean_internal
 def power_sums(d: Floats, room: Floats, sums: Floats) -> None:
     """Sums of ``d^2`` to ``d^8`` in a fixed order; `room` has seven rows, each an eighth as long as
     d."""
@@ -137,7 +137,7 @@ def power_sums(d: Floats, room: Floats, sums: Floats) -> None:
         sums[o] = _fold(room[o], n)
 
 
-@internal
+@lean_internal
 def _first_seen(u: Floats, v: Floats) -> int:
     """Index of the first path where both variables are finite; the last if there is none."""
     for p in range(u.size):
