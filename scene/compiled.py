@@ -24,6 +24,7 @@ from contextlib import contextmanager, suppress
 from fractions import Fraction
 from functools import cache
 from pathlib import Path
+from threading import Lock
 from typing import Any, ParamSpec, TypeVar, cast
 
 import llvmlite
@@ -66,6 +67,7 @@ R = TypeVar("R")
 _folder: Path | None = None  # the cache folder; None where there is none
 _warnings: list[str] = []  # printed when the first function is compiled
 _refused: set[str] = set()  # why machine code is not kept, which is printed once
+_choosing = Lock()  # held while numba is told the folder of one function
 _anew = False  # whether functions are compiled although their machine code is kept
 
 
@@ -310,11 +312,14 @@ def _keep(function: Callable[P, R], options: dict[str, Any]) -> Any:
     note_imports()
     compiled: Any = numba.njit(**options)(function)
     if _folder is not None and not INTERPRETED:
-        users = CONFIG.CACHE_DIR  # where a user's own functions are kept
-        CONFIG.CACHE_DIR = str(_folder)
-        with suppress(RuntimeError):  # a full disk
-            compiled._cache = Kept(function)
-        CONFIG.CACHE_DIR = users
+        # a kernel is made when it is first needed, perhaps in several threads: with the folder of
+        # another thread, numba would write into the folder in which the process runs
+        with _choosing:
+            users = CONFIG.CACHE_DIR  # where a user's own functions are kept
+            CONFIG.CACHE_DIR = str(_folder)
+            with suppress(RuntimeError):  # a full disk
+                compiled._cache = Kept(function)
+            CONFIG.CACHE_DIR = users
     return compiled
 
 

@@ -3,6 +3,8 @@
 import os
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 
 import numba
 import numpy as np
@@ -10,6 +12,7 @@ import pytest
 from programs import python
 
 from rattle import Scene
+from rattle.scene import compiled
 from rattle.scene.compiled import jit
 from rattle.scene.flight import flow
 
@@ -91,3 +94,21 @@ def test_two_processes_fill_one_cache(tmp_path):
     for out, _ in said:
         assert out.split()[0] == b"2.5"
     assert python("-c", CODE, NUMBA_CACHE_DIR=str(tmp_path)).stdout.split() == ["2.5", "1"]
+
+
+def keep_in_threads():
+    """Where functions are kept that many threads decorate at the same time."""
+    interval = sys.getswitchinterval()
+    sys.setswitchinterval(1e-6)
+    try:
+        with ThreadPoolExecutor(8) as pool:
+            made = list(pool.map(lambda _: jit(lambda x: x + 1.0), range(400)))
+    finally:
+        sys.setswitchinterval(interval)
+    return {Path(function._cache.cache_path).parent for function in made}
+
+
+@COMPILED
+def test_threads_that_decorate_at_once_keep_in_the_folder():
+    """Not where the process runs."""
+    assert keep_in_threads() == {compiled.folder()}
