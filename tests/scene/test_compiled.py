@@ -4,6 +4,7 @@ import os
 import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import nullcontext
 from pathlib import Path
 
 import numba
@@ -97,7 +98,7 @@ def test_two_processes_fill_one_cache(tmp_path):
 
 
 def keep_in_threads():
-    """Where functions are kept that many threads decorate at the same time."""
+    """Where functions are kept that many threads decorate at once, and users' own after that."""
     interval = sys.getswitchinterval()
     sys.setswitchinterval(1e-6)
     try:
@@ -105,10 +106,16 @@ def keep_in_threads():
             made = list(pool.map(lambda _: jit(lambda x: x + 1.0), range(400)))
     finally:
         sys.setswitchinterval(interval)
-    return {Path(function._cache.cache_path).parent for function in made}
+    places = {Path(function._cache.cache_path).parent for function in made}
+    return places, compiled.CONFIG.CACHE_DIR
 
 
 @COMPILED
-def test_threads_that_decorate_at_once_keep_in_the_folder():
-    """Not where the process runs."""
-    assert keep_in_threads() == {compiled.folder()}
+@pytest.mark.parametrize("locked", [True, False])
+def test_threads_that_decorate_at_once_keep_in_the_folder(monkeypatch, locked):
+    """Not where the process runs; and a user's own functions are kept where they were.  Without the
+    lock one of both goes wrong."""
+    monkeypatch.setattr(compiled.CONFIG, "CACHE_DIR", "")
+    if not locked:
+        monkeypatch.setattr(compiled, "_choosing", nullcontext())
+    assert (keep_in_threads() == ({compiled.folder()}, "")) == locked
