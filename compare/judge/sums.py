@@ -113,3 +113,12 @@ def _product_sums(d: Floats, e: Floats, orders: Sequence[Powers]) -> dict[Powers
         powers_d.append(powers_d[-1] * d)
         powers_e.append(powers_e[-1] * e)
     return {(p, q): np.einsum("ij,ij->j", powers_d[p], powers_e[q]) for p, q in orders}
+
+
+def standardised(single: SampleSums) -> list[Floats]:
+    """Standardised moments, from the zeroth to the eighth."""
+    sd = np.sqrt(single.moment(2, 0))
+    one = np.ones_like(sd)
+    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+        higher = [single.moment(p, 0) / sd**p for p in range(3, 9)]
+    return [one, 0.0 * one, one, *higher]
