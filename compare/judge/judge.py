@@ -152,7 +152,7 @@ def judge(
     label = str(predictions[0].section.index.name or "row")
     given_names = tuple(names) if names is not None else _names_for(samples, predictions)
     read = read_samples(samples, given_names, label, "samples")
-    moments = find_moments(predictions, read.names)
+    moments = find_moments(predictions, read.names, read.columns)
     check_values(predictions, moments.columns)
     coarse = _read_coarser(coarser, read, label)
     _check_units(units, read, predictions)

@@ -110,14 +110,20 @@ class PredictedMoments(NamedTuple):
         return [*single, *(f"rho_{a}_{b}" for a, b in self.pairs)]
 
 
-def find_moments(predictions: Sequence[NamedSection], names: Sequence[str]) -> PredictedMoments:
+def find_moments(
+    predictions: Sequence[NamedSection], names: Sequence[str], left_out: Iterable[str] = ()
+) -> PredictedMoments:
     """Find what is predicted of the quantities with these names.
 
-    A column whose name is nearly that of a quantity, or the moment of an unknown one, is refused.
+    A column whose name is nearly that of a quantity, or the moment of an unknown one, is refused,
+    unless it is empty, as of a second wheel that is not there. `left_out`: Quantities that the
+    samples have too, and that were not asked for.
     """
-    columns = list(
-        dict.fromkeys(str(column) for table in predictions for column in table.section.columns)
-    )
+    tables = [table.section for table in predictions]
+    columns = list(dict.fromkeys(str(name) for table in tables for name in table.columns))
+    filled = {str(name) for table in tables for name in table.columns if table[name].notna().any()}
+    known = [*names, *left_out]
+    not_asked = {prefix + name for name in left_out for prefix in PREFIX.values()}
     quantities = []
     moments = set()
     pairs = []
@@ -138,7 +144,8 @@ def find_moments(predictions: Sequence[NamedSection], names: Sequence[str]) -> P
             pairs.append(pair)
             quantities.extend(pair)
             continue
-        _check_name(column, names)
+        if column in filled and column not in not_asked and not _pair_of(column, known):
+            _check_name(column, names)
         others.append(column)
     ordered = [name for name in names if name in quantities]
     if not ordered:

@@ -191,7 +191,6 @@ def _unstack(
     array[which, at] = table[list(quantities)].to_numpy(float)
     first = np.unique(which, return_index=True)[1]
     more = {name: table[name].to_numpy()[first] for name in others if name not in quantities}
-    more |= {name: table[name].to_numpy()[first] for name in others if name in quantities}
     return PathSamples(
         quantities, row, np.asarray(labels), _slices(array), array, columns=more, units=units
     )

@@ -384,6 +384,16 @@ def refusals(samples, predicted, tmp_path):
     }, {"units differ": ((metres, samples), {"units": {"x": "mm"}}, "convert one of them")}
 
 
+def test_columns_that_are_not_asked_for_or_empty_are_left_out(samples, predicted):
+    """One of two quantities of a table; and the moments of a wheel that is not there."""
+    table = as_long(samples)
+    assert set(rt.judge(predicted, table, names=["x"]).table["quantity"]) == {"x"}
+    single = rt.Scene(alpha=1.5, epsilon=0.6, beta1=0.1, gamma1=0.1, sigma=0.05, stages=1)
+    run = rt.simulate(single, paths=1000, impacts=2, rng=7)
+    found = rt.judge(rt.mean_map(single, impacts=2, closure="saltation"), run.to_samples())
+    assert found.quantities == ["tau", "flight", "x1", "y1"]
+
+
 def test_bad_input_is_named(samples, predicted, tmp_path):
     """Field, value and remedy, case by case."""
     plain, with_options = refusals(samples, predicted, tmp_path)
