@@ -15,7 +15,6 @@ order saltation, written by hand, says: mean T = 2u, mean w = u, sd T = :math:`\
 :math:`\sqrt{2u/3}`. Started fast it is accurate, started slowly its standard deviations are not.
 """
 
-import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 from scipy.special import erf
@@ -51,5 +50,4 @@ second = saltation.assign(T=2.0 * u + 2.0 / 3.0, w=u + 2.0 / 3.0)  # means to se
 found = judge({"saltation": saltation, "second order": second}, reference)
 print(found)
 print(found.table.pivot(index=["closure", "u"], columns=["quantity", "moment"], values="verdict"))
-found.plot()
-plt.show()
+figure = found.plot()

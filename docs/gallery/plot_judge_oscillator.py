@@ -11,7 +11,6 @@ show what the step does. For r = 1 the oscillator strikes its wall :math:`1/\pi`
 time in the long run, whatever the noise.
 """
 
-import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 from scipy.linalg import expm, solve_continuous_lyapunov
@@ -77,5 +76,4 @@ rates = [sample(1000, dt, 1.0, until=100.0)[:, None] for dt in (0.005, 0.01)]
 limits = Tolerances(mean=0.2)  # of the sd of a path's rate: about 0.2 % of the rate
 exact = {"rate": 1.0 / np.pi}
 print(judge(exact, {"rate": rates[0]}, coarser={"rate": rates[1]}, tolerances=limits))
-found.plot()
-plt.show()
+figure = found.plot()
