@@ -166,7 +166,9 @@ def judge(
         table["unseen_paths"] = _paths_for_unseen(table)
     table = judge_errors(table, z)
     if not searched:
-        table["remark"] = table["remark"].where(~waits_for_branch(table), _unseen_remarks(table))
+        waits = waits_for_branch(table)
+        table["remark"] = table["remark"].where(~waits, _unseen_remarks(table))
+        table["paths_needed"] = table["paths_needed"].where(~waits, _paths_for_room(table))
     table["enough_paths"] = _has_enough(table, tail_of(statements, family_error))
     table["kind"] = KINDS.get(label, label)
     units_of_all = {**read.units, **(units or {})}
@@ -320,6 +322,17 @@ def _paths_for_unseen(table: pd.DataFrame) -> pd.Series:
     shift = table[["unseen_low", "unseen_high"]].max(axis=1)
     needed = table["paths"].fillna(0.0) * shift / (UNSEEN_OF_TOLERANCE * table["tolerance"])
     return needed.map(math.ceil, na_action="ignore")
+
+
+def _paths_for_room(table: pd.DataFrame) -> pd.Series:
+    """Paths of which the unseen share leaves a row decided, where what was seen decides it; else as
+    many as were counted."""
+    shift = table[["unseen_low", "unseen_high"]].max(axis=1)
+    seen_low = (table["low"] + table["unseen_low"]).abs()
+    seen_high = (table["high"] - table["unseen_high"]).abs()
+    room = table["tolerance"] - np.maximum(seen_low, seen_high)
+    needed = table["paths"] * shift / room.where(room > 0.0)
+    return needed.map(math.ceil, na_action="ignore").fillna(table["paths_needed"])
 
 
 def _unseen_remarks(table: pd.DataFrame) -> list[str]:

@@ -72,7 +72,7 @@ def gaussian(restitution):
 fine, coarse = (sample(20_000, dt, 0.9) for dt in (0.005, 0.01))
 found = judge(gaussian(0.9), fine, coarser=coarse, names=["time", "speed"])
 print(found)
-rates = [sample(1000, dt, 1.0, until=100.0)[:, None] for dt in (0.005, 0.01)]
+rates = [sample(2000, dt, 1.0, until=100.0)[:, None] for dt in (0.005, 0.01)]
 limits = Tolerances(mean=0.2)  # of the sd of a path's rate: about 0.2 % of the rate
 exact = {"rate": 1.0 / np.pi}
 print(judge(exact, {"rate": rates[0]}, coarser={"rate": rates[1]}, tolerances=limits))

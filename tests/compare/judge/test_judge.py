@@ -384,6 +384,19 @@ def refusals(samples, predicted, tmp_path):
     }, {"units differ": ((metres, samples), {"units": {"x": "mm"}}, "convert one of them")}
 
 
+def test_so_many_paths_as_are_said_to_be_needed_decide():
+    """Of a row that waits for what so few paths cannot have seen."""
+    rng = np.random.default_rng(5)
+    claim = {"x": [0.0], "sd_x": [1.0]}
+    limits = rt.Tolerances(mean=0.2, sd=0.3)
+    few = rt.judge(claim, {"x": rng.normal(size=(300, 1))}, tolerances=limits).table
+    assert set(few["verdict"]) == {"undecided"}
+    assert (few["paths_needed"] > 300).all()
+    enough = int(1.5 * few["paths_needed"].max())
+    many = rt.judge(claim, {"x": rng.normal(size=(enough, 1))}, tolerances=limits)
+    assert many.accurate
+
+
 def test_columns_that_are_not_asked_for_or_empty_are_left_out(samples, predicted):
     """One of two quantities of a table; and the moments of a wheel that is not there."""
     table = as_long(samples)
