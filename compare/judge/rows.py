@@ -17,7 +17,7 @@ from scipy.special import ndtr
 from rattle.compare.judge.verdict import JUDGED, Tolerances, Verdict, judge
 from rattle.montecarlo.diagnostics.unseen_text import unseen_text
 from rattle.montecarlo.statistics.intervals import ABSOLUTE, FEWEST_FOR_SD, half_width
-from rattle.scene import Floats
+from rattle.scene.table_entries import pick
 
 PREFIX = {"mean": "", "sd": "sd_", "skew": "skew_", "kurt": "kurt_", "rho": ""}
 """What stands before a quantity in the name of the column of each moment; a correlation is named as
@@ -56,14 +56,6 @@ class NamedSection(NamedTuple):
 def moment_columns(rows: pd.DataFrame) -> pd.Series:
     """The name of the column in which a table of predictions has the moment of each row."""
     return rows["moment"].map(PREFIX) + rows["quantity"]
-
-
-def pick(table: pd.DataFrame, label: pd.Series, column: pd.Series) -> Floats:
-    """Entries of a table by label of the row and by column; NaN where it has none."""
-    row, labels = pd.factorize(label)
-    code, names = pd.factorize(column)
-    values = table.reindex(index=labels, columns=names).to_numpy(float)
-    return np.asarray(values[row, code])
 
 
 def compare_rows(

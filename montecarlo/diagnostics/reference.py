@@ -12,6 +12,7 @@ from rattle.montecarlo.diagnostics.unseen import unseen
 from rattle.montecarlo.settings import is_random
 from rattle.montecarlo.statistics.intervals import ABSOLUTE, FEWEST_FOR_SD
 from rattle.scene import SECTION, Floats, Scene
+from rattle.scene.table_entries import pick
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -61,7 +62,7 @@ def list_reference(run: Simulated) -> "pd.DataFrame":
     name = quantity.where(is_mean, "sd_" + quantity)
     sds = steps[~is_mean].set_index(["impact", "quantity"])
     sd = sds.loc[pd.MultiIndex.from_arrays([impact, quantity])].reset_index(drop=True)
-    unit = sd["corrected"].where(sd["corrected"] > 0.0, _pick(section, impact, "sd_" + quantity))
+    unit = sd["corrected"].where(sd["corrected"] > 0.0, pick(section, impact, "sd_" + quantity))
     sizes = {
         q: float(np.hypot(section[q], section["sd_" + q]).max())
         for q in quantity.unique()
@@ -84,8 +85,8 @@ def list_reference(run: Simulated) -> "pd.DataFrame":
             "quantity": quantity,
             "moment": steps["moment"],
             "predicted": np.nan,
-            "simulated": _pick(section, impact, name),
-            "se": _pick(section, impact, "se_" + name),
+            "simulated": pick(section, impact, name),
+            "se": pick(section, impact, "se_" + name),
             "bias": steps["bias"],
             "error": np.nan,
             "corrected": steps["corrected"],
@@ -93,7 +94,7 @@ def list_reference(run: Simulated) -> "pd.DataFrame":
             "rest": steps["rest"],
             "unit": unit,
             "se_unit": sd["se_corrected"],
-            "still": np.where(unit > _pick(least, impact, quantity), 0.0, ABSOLUTE * size),
+            "still": np.where(unit > pick(least, impact, quantity), 0.0, ABSOLUTE * size),
             "judged": ~at_wall(quantity, section["mesh"].loc[impact].to_numpy()),
             "agreement": section["agreement"].loc[impact].to_numpy(),
             "paths": paths,
@@ -105,15 +106,6 @@ def list_reference(run: Simulated) -> "pd.DataFrame":
             "remark": "",
         }
     )
-
-
-def _pick(table: "pd.DataFrame", impact: "pd.Series", column: "pd.Series") -> Floats:
-    """Entries of a table by impact and column; NaN where it has none."""
-    import pandas as pd
-
-    code, names = pd.factorize(column)
-    values = table.reindex(index=range(1, int(impact.max()) + 1), columns=names).to_numpy(float)
-    return np.asarray(values[impact.to_numpy() - 1, code])
 
 
 def _number(quantity: "pd.Series") -> NDArray[np.intp]:
