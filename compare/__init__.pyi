@@ -1,4 +1,5 @@
 from .animation.animate import Animation as Animation
+from .assess.assessment import Assessment as Assessment
 from .chaos.chaos import Chaos as Chaos
 from .judge.result import Judgement as Judgement
 from .parameters.boundary import Boundary as Boundary

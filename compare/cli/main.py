@@ -7,6 +7,7 @@ from typing import Any
 
 import click
 
+from rattle.compare.cli.assess import assess
 from rattle.compare.cli.check import check, claims, warm_up
 from rattle.compare.cli.judge import judge
 from rattle.compare.cli.parameters import boundary, sensitivity
@@ -87,7 +88,7 @@ def main() -> None:
 
 
 for command in (
-    *(animate, boundary, chaos, check, claims, drive, init, judge, order),
+    *(animate, assess, boundary, chaos, check, claims, drive, init, judge, order),
     *(sensitivity, show, simulate, stationary, study, tradeoff, validate, warm_up),
 ):
     main.add_command(command)

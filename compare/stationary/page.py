@@ -60,7 +60,7 @@ def make_report(found: Stationary, view: Bifurcation | None, record: dict[str, A
     shown = found.table_in(units)
     quantities = shown.reset_index()
     content = {
-        "by_mesh": _tabulate_meshes(found, shown),
+        "by_mesh": tabulate_meshes(found, shown),
         "quantities": quantities,
         "slow": speed_text(found.slow, gears, units),
         "mass": "" if gears else MASS_UNIT,
@@ -93,7 +93,7 @@ def make_report(found: Stationary, view: Bifurcation | None, record: dict[str, A
     )
 
 
-def _tabulate_meshes(found: Stationary, table: pd.DataFrame) -> Table:
+def tabulate_meshes(found: Stationary, table: pd.DataFrame) -> Table:
     """What is said of each mesh; the quantities of a single one are those of all impacts."""
     time = "second" if found.scene.gears else "unit of time"
     shown = table.dropna(subset="value")
@@ -102,7 +102,7 @@ def _tabulate_meshes(found: Stationary, table: pd.DataFrame) -> Table:
     for name, words in BY_MESH.items():
         by_mesh = found.scene.stages == 2 or name.endswith("_share")
         names = [f"{name}_mesh{mesh}" if by_mesh else name for mesh in meshes]
-        cells = [_show(shown, name) if name in shown.index else NO_VALUE for name in names]
+        cells = [show_quantity(shown, name) if name in shown.index else NO_VALUE for name in names]
         rows.append([words.format(time), *cells])
     return Table.of(["", *(f"mesh {mesh}" for mesh in meshes)], rows)
 
@@ -124,7 +124,7 @@ def answer(found: Stationary) -> list[str]:
         thresholds=rattle_threshold(found.scene),
         value=table["value"],
         high=table["high"],
-        show=partial(_show, table),
+        show=partial(show_quantity, table),
         number=number_text,
         percent=percent,
         least=speed_text(found.slow, found.scene.gears, units),
@@ -138,7 +138,7 @@ def answer(found: Stationary) -> list[str]:
     )
 
 
-def _show(table: pd.DataFrame, name: str) -> str:
+def show_quantity(table: pd.DataFrame, name: str) -> str:
     """A quantity with its interval and its unit."""
     row: Any = table.loc[name]
     value, low, high, unit = row[["value", "low", "high", "unit"]]

@@ -2,6 +2,7 @@ from .closure import Closure as Closure
 from .closure import follow as follow
 from .closure import mean_map as mean_map
 from .compare.animation.animate import animate as animate
+from .compare.assess.assess import assess as assess
 from .compare.chaos.chaos import chaos as chaos
 from .compare.judge.judge import judge as judge
 from .compare.judge.verdict import Tolerances as Tolerances

@@ -10,6 +10,7 @@ HERE = Path(__file__).parent
 EXAMPLES = HERE.parents[2] / "examples"
 SMALL = {
     "animate": "--impacts 5 --out",
+    "assess": "--budget 5 --out",
     "boundary": "--impacts 2 --points 3 --width 0.4 --out",
     "chaos": "--points 200 --impacts 20000 --events 128 --width 0.5 --over 0.8:15:2 --out",
     "order": "--impacts 2 --paths 1000",
@@ -21,6 +22,7 @@ SMALL = {
 }
 ON_EXAMPLES = {
     "animate": "drawing-tolerances",
+    "assess": "single-stage",
     "boundary": "single-stage",
     "chaos": "single-stage",
     "order": "gearbox",

@@ -1,0 +1,234 @@
+"""The public entry: the four answers of an engineer, first roughly, then as well as a budget
+allows."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from functools import partial
+from typing import Any, NamedTuple
+
+from rattle.compare.assess.assessment import ASSESSED_IMPACTS, LOUDNESS, Assessment
+from rattle.compare.assess.requirement import read_requirement
+from rattle.compare.parameters.boundary import Boundary, boundary
+from rattle.compare.parameters.sensitivity import Sensitivity, sensitivity
+from rattle.compare.stationary.measure import stationary
+from rattle.compare.stationary.result import Stationary
+from rattle.compare.study.parameters import find_parameters
+from rattle.montecarlo.kernel.blocks import clock
+from rattle.montecarlo.seed import Rng, read_whole_seed
+from rattle.scene import Gears, InputError, Scene, check_scene, count, positive
+from rattle.scene.numpy_errors import numpy_defaults
+from rattle.scene.progress import do
+from rattle.scene.threshold import rattle_threshold
+
+ASSESSMENT_BUDGET = 60.0  # processor seconds, by default
+FIRST_BUDGET = 12.0  # of the first, rough answer: ten seconds on two cores
+REFINED_FROM = 2.0 * FIRST_BUDGET  # budget from which on a second answer is better
+LEAST_BUDGET = 5.0
+CLOSURES_ASSESSED = ("saltation", "branching")  # the two that hold at all (README)
+AROUND_SIGMA = 10.0  # the range of a closure is searched from a tenth of the scene's noise on
+ASSESSED_POINTS = 3  # of which the scene's own noise is the second
+ASSESSED_WIDTH = 0.5
+LONG_RUN = "the long run"
+LEVERS = "the levers"
+NOT_LEVERS = ("sigma", "correlation_time")  # parameters of the noise, which no one can turn
+
+
+class Shares(NamedTuple):
+    """Shares of a budget."""
+
+    motion: float
+    levers: float
+    closures: float
+
+
+# the levers take nine scenes or more, each as long as the motion itself
+SHARES = Shares(motion=0.25, levers=0.5, closures=0.25)
+
+
+class _Work(NamedTuple):
+    """What all parts of an assessment are given."""
+
+    slow: float
+    seed: int
+    workers: int
+    progress: str | None  # label of the bars
+
+    def label(self, part: str) -> str | None:
+        """The label of a part's bar."""
+        return f"{self.progress}: {part}" if self.progress else None
+
+
+@numpy_defaults
+def assess(
+    scene: Scene | Gears,
+    *,
+    budget: float = ASSESSMENT_BUDGET,
+    require: str | None = None,
+    slow: float = 0.1,
+    rng: Rng = 0,
+    workers: int = 1,
+    progress: str | None = None,
+) -> Assessment:
+    """Answer what an engineer asks of gears: do they rattle, how hard, what helps.
+
+    And can a closure be used on them.  Each part gets a share of the budget, and its intervals say
+    how well it is known; what cannot be known is said in a sentence.
+
+    Parameters
+    ----------
+    scene : Scene or Gears
+        What is modelled; of gears the scene without noise.
+    budget : float
+        Processor seconds that all of it may take, all threads together, 5 or more; compiling is not
+        counted.
+    require : str, optional
+        A limit, ``"rate_above < 50"``: of a quantity of `stationary`, in the units of the answer.
+    slow : float
+        Speed below which an impact is slow, dimensionless.
+    rng : int, SeedSequence, Generator or BitGenerator
+        Seed; a generator of numpy gives a child of its seed sequence, another one each time.
+    workers : int
+        Threads.
+    progress : str, optional
+        Label of a progress bar on a terminal or in a notebook.
+
+    Returns
+    -------
+    Assessment
+
+    Raises
+    ------
+    InputError
+        For a setting that cannot be run; names the field, the value and the remedy.
+
+    Examples
+    --------
+    >>> from rattle import DAT21, Scene
+    >>> found = assess(Scene.from_gears(DAT21, sigma=0.5), budget=5.0, require="power < 1e9")
+    >>> str(found.fulfilment)
+    'met'
+    """
+    rounds = assess_in_rounds(
+        scene,
+        budget=budget,
+        require=require,
+        slow=slow,
+        rng=rng,
+        workers=workers,
+        progress=progress,
+    )
+    *_, last = rounds
+    return last
+
+
+def assess_in_rounds(
+    scene: Scene | Gears,
+    *,
+    budget: float,
+    require: str | None,
+    slow: float,
+    rng: Rng,
+    workers: int,
+    progress: str | None,
+) -> Iterator[Assessment]:
+    """Check the settings; then give the first, rough assessment, and the one of the whole
+    budget."""
+    if isinstance(scene, Gears):
+        scene = Scene.from_gears(scene, stages=scene.wheels)
+    check_scene(scene)
+    if positive("budget", budget) < LEAST_BUDGET:
+        raise InputError("budget", budget, f"give {LEAST_BUDGET:g} processor seconds or more")
+    positive("slow", slow)
+    count("workers", workers, least=1)
+    requirement = None if require is None else read_requirement(require, scene.stages)
+    work = _Work(slow, read_whole_seed(rng), workers, progress)
+    blank = Assessment(scene, rattle_threshold(scene), budget=budget, requirement=requirement)
+    return _assess_rounds(blank, work)
+
+
+def _assess_rounds(blank: Assessment, work: _Work) -> Iterator[Assessment]:
+    """A first assessment within `FIRST_BUDGET`, and one of what is left of a larger budget."""
+    began = clock()
+    rough = _assess_within(blank, work, min(FIRST_BUDGET, blank.budget))
+    yield replace(rough, spent=clock() - began)
+    left = blank.budget - (clock() - began)
+    if blank.budget >= REFINED_FROM and left > 0.0:
+        yield replace(_assess_within(rough, work, left), spent=clock() - began)
+
+
+def _assess_within(known: Assessment, work: _Work, budget: float) -> Assessment:
+    """The assessment with every part measured within its share of a budget; an exact long run is
+    kept."""
+    scene = known.scene
+    missing: dict[str, str] = {}
+
+    def measure(part: str, call: Callable[[], Any]) -> Any:
+        """A part of the answer; None, and the reason, where it cannot be known."""
+        do(f"assess: {part}")
+        try:
+            return call()
+        except InputError as error:
+            missing[part] = f"{error.field}: {error.remedy}"
+            return None
+
+    motion = known.motion
+    if motion is None or motion.kind == "simulated":
+        motion = measure(LONG_RUN, partial(_measure_motion, scene, work, SHARES.motion * budget))
+    levers = None
+    if motion is not None and motion.kind != "rest":
+        levers = measure(LEVERS, partial(_measure_levers, scene, work, SHARES.levers * budget))
+    share = SHARES.closures * budget / len(CLOSURES_ASSESSED)
+    closures = [
+        measure(f"`{closure}`", partial(_measure_range, scene, work, share, closure))
+        for closure in CLOSURES_ASSESSED
+    ]
+    return replace(
+        known,
+        motion=motion,
+        levers=levers,
+        closures=tuple(edge for edge in closures if edge is not None),
+        missing=missing,
+    )
+
+
+def _measure_motion(scene: Scene, work: _Work, budget: float) -> Stationary:
+    """How hard: the long run, without closures."""
+    return stationary(
+        scene,
+        slow=work.slow,
+        budget=budget,
+        closures=(),
+        rng=work.seed,
+        workers=work.workers,
+        progress=work.label("the long run"),
+    )
+
+
+def _measure_levers(scene: Scene, work: _Work, budget: float) -> Sensitivity:
+    """What helps: the effect of every parameter that someone can turn."""
+    return sensitivity(
+        scene,
+        quantities=[LOUDNESS, "rate_above"],
+        parameters=[name for name in find_parameters(scene) if name not in NOT_LEVERS],
+        slow=work.slow,
+        budget=budget,
+        rng=work.seed,
+        workers=work.workers,
+        progress=work.label("the levers"),
+    )
+
+
+def _measure_range(scene: Scene, work: _Work, budget: float, closure: str) -> Boundary:
+    """Up to which noise intensity a closure is accurate, coarsely."""
+    return boundary(
+        scene,
+        closure=closure,
+        impacts=ASSESSED_IMPACTS,
+        between=(scene.sigma / AROUND_SIGMA, scene.sigma * AROUND_SIGMA) if scene.sigma else None,
+        points=ASSESSED_POINTS,
+        width=ASSESSED_WIDTH,
+        budget=budget,
+        rng=work.seed,
+        workers=work.workers,
+        progress=work.label(f"the range of {closure}"),
+    )

@@ -1,0 +1,192 @@
+"""What an assessment knows: the threshold of rattle, the long run, the levers and the closures."""
+
+from dataclasses import dataclass, field
+from functools import partial
+from typing import TYPE_CHECKING, ClassVar
+
+import pandas as pd
+
+from rattle.compare.assess.requirement import Fulfilment, Requirement
+from rattle.compare.judge.verdict import Verdict
+from rattle.compare.parameters.boundary import Boundary
+from rattle.compare.parameters.finding import Finding
+from rattle.compare.parameters.sensitivity import Sensitivity
+from rattle.compare.report.render import render_sentences
+from rattle.compare.stationary.page import show_quantity
+from rattle.compare.stationary.result import Stationary, speed_text
+from rattle.compare.study.parameters import PERCENT, find_parameters
+from rattle.scene import Scene
+from rattle.scene.numpy_errors import numpy_defaults
+from rattle.scene.text import number_text, percent
+from rattle.scene.threshold import RattleThreshold
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+LOUDNESS = "power"  # the quantity whose levers are named
+LEVERS_NAMED = 3
+ASSESSED_IMPACTS = 4  # after the start, for which a closure must be accurate
+
+
+@numpy_defaults
+@dataclass(frozen=True, repr=False)
+class Assessment(Finding):
+    """An engineer's answer on a scene, from `assess`.
+
+    Attributes
+    ----------
+    scene : Scene
+    thresholds : tuple of RattleThreshold
+        Does it rattle: the drag of each wheel, and that from which on its closed teeth stay closed.
+    motion : Stationary or None
+        How hard: the long run; None where it is not known.
+    levers : Sensitivity or None
+        What helps: the effect of 1 % more of each parameter on the energy that impacts lose and on
+        the impacts a second.
+    closures : tuple of Boundary
+        Can a closure be used: up to which noise intensity each closure is accurate for the first
+        impacts after the start.
+    missing : dict of str
+        Why a part is not known, by its name.
+    budget, spent : float
+        Processor seconds that were allowed, and that were used.
+    requirement : Requirement or None
+        What was required of a quantity.
+
+    Examples
+    --------
+    >>> from rattle import DAT21, Scene, assess
+    >>> found = assess(Scene.from_gears(DAT21, sigma=0.5), budget=5.0)
+    >>> found.rattles, round(found.table.loc["rate_above", "value"]) > 100
+    (True, True)
+    """
+
+    title: ClassVar[str] = "Assessment"
+    shown: ClassVar[str] = "table"
+
+    scene: Scene
+    thresholds: tuple[RattleThreshold, ...]
+    motion: Stationary | None = None
+    levers: Sensitivity | None = None
+    closures: tuple[Boundary, ...] = ()
+    missing: dict[str, str] = field(default_factory=dict)
+    budget: float = 0.0
+    spent: float = 0.0
+    requirement: Requirement | None = None
+
+    @property
+    def units(self) -> str:
+        """The units of `table`: ``physical`` where the scene has gears, else ``dimensionless``."""
+        return "physical" if self.scene.gears else "dimensionless"
+
+    @property
+    def rattles(self) -> bool | None:
+        """Whether impacts were seen in the long run; None where it is not known."""
+        if self.motion is None:
+            return None
+        return self.motion.kind != "rest" and self.motion.table["value"]["rate"] > 0.0
+
+    @property
+    def table(self) -> pd.DataFrame:
+        """The long run, index ``quantity``, with ``value, low, high, unit``; empty if not known."""
+        columns = ["value", "low", "high", "unit"]
+        if self.motion is None:
+            return pd.DataFrame(columns=columns).rename_axis("quantity")
+        return self.motion.table_in(self.units)[columns]
+
+    @property
+    def fulfilment(self) -> Fulfilment | None:
+        """Whether the requirement is met; None where there was none."""
+        return self.requirement and self.requirement.decide(self.table)
+
+    @property
+    def answer(self) -> list[str]:
+        """The four answers and what they cost, a few sentences each."""
+        table = self.table
+        return render_sentences(
+            "assess/answer.j2",
+            found=self,
+            opened=[t for t in self.thresholds if t.opens],
+            table=table.to_dict("index"),
+            meshes=range(1, self.scene.stages + 1),
+            show=partial(show_quantity, table),
+            slow=speed_text(self.motion.slow, self.scene.gears, self.units) if self.motion else "",
+            levers=self._name_levers(),
+            closures=[
+                {"closure": b.closure, "sentence": describe_use(b, self.scene.sigma)}
+                for b in self.closures
+            ],
+            unknown=[part for part in self.missing if part.startswith("`")],
+            impacts=ASSESSED_IMPACTS,
+            loudness=LOUDNESS,
+            change=PERCENT,
+            number=number_text,
+            percent=percent,
+        )
+
+    def _name_levers(self) -> list[dict[str, str]]:
+        """The strongest levers on the energy lost, each with the way that makes it less."""
+        if self.levers is None:
+            return []
+        known = find_parameters(self.scene)
+        rows = self.levers.of(LOUDNESS).dropna(subset="effect")
+        sure = rows[(rows["low"] > 0.0) | (rows["high"] < 0.0)].head(LEVERS_NAMED)
+        levers = []
+        for name, row in sure.iterrows():
+            half = 50.0 * (row["high"] - row["low"])
+            levers.append(
+                {
+                    "words": known[str(name)].words,
+                    "way": "less" if row["effect"] > 0.0 else "more",
+                    "amount": f"{number_text(abs(100.0 * row['effect']), 2)} ± "
+                    f"{number_text(half, 1)}",
+                }
+            )
+        return levers
+
+    def figures(self) -> "dict[str, Figure]":
+        """The figures of the page by name.
+
+        Returns
+        -------
+        dict of Figure
+        """
+        from rattle.compare.assess.figures import draw_assessment
+
+        return draw_assessment(self)
+
+    def to_dict(self) -> dict[str, object]:
+        """Everything as plain data."""
+        parts = {
+            "thresholds": [t._asdict() | {"opens": t.opens} for t in self.thresholds],
+            "rattles": self.rattles,
+            "motion": self.table.reset_index().to_dict("records"),
+            "levers": self.levers and self.levers.table.to_dict("records"),
+            "closures": [boundary.to_dict() for boundary in self.closures],
+        }
+        facts = {"missing": self.missing, "budget": self.budget, "spent": round(self.spent, 1)}
+        required = self.requirement and {
+            "text": str(self.requirement),
+            "fulfilment": str(self.fulfilment),
+        }
+        return {"answer": self.answer} | parts | facts | {"requirement": required}
+
+
+def describe_use(found: Boundary, sigma: float) -> str:
+    """Whether a closure can be used at a noise intensity, from where it stops holding, in words."""
+    accurate = found.points.loc[found.points["verdict"] == Verdict.ACCURATE, "value"]
+    wrong = found.points.loc[found.points["verdict"] == Verdict.INACCURATE, "value"]
+    if wrong.empty and accurate.empty:
+        return "is not decided"
+    if accurate.empty:
+        return f"is shown wrong from σ = {wrong.min():.3g} on: do not use it (σ is {sigma:.3g})"
+    # beyond an edge that lies lower nothing counts
+    until = accurate[accurate < wrong.min()].max() if len(wrong) else accurate.max()
+    reach = f"is accurate up to σ = {until:.3g}"
+    if len(wrong):
+        reach += f" and shown wrong at {wrong.min():.3g}"
+    if sigma <= until:
+        return f"{reach}: it can be used (σ is {sigma:.3g})"
+    if len(wrong) and sigma >= wrong.min():
+        return f"{reach}: do not use it (σ is {sigma:.3g})"
+    return f"{reach}: not decided for σ = {sigma:.3g}"

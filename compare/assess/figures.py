@@ -1,0 +1,39 @@
+"""The figures of an assessment: the threshold of rattle, and those of its parts."""
+
+from matplotlib.figure import Figure
+
+from rattle.compare.assess.assessment import LOUDNESS, Assessment
+from rattle.compare.parameters.figures import tornado
+from rattle.compare.report.style import legend_above, new_figure
+from rattle.scene.threshold import RattleThreshold
+
+
+def draw_assessment(found: Assessment) -> dict[str, Figure]:
+    """The figures by name, as far as there is something to draw."""
+    figures = {"threshold": threshold_figure(found.thresholds)}
+    if found.motion is not None and found.motion.run is not None:
+        figures["speeds"] = found.motion.plot("distribution")
+    if found.levers is not None:
+        figures["levers"] = tornado(found.levers.table, [LOUDNESS, "rate_above"])
+    for boundary in found.closures:
+        figures[boundary.closure] = boundary.plot()
+    return figures
+
+
+def threshold_figure(thresholds: tuple[RattleThreshold, ...]) -> Figure:
+    """Draw the drag of each wheel beside that from which on its closed teeth stay closed."""
+    figure, (ax,) = new_figure(7.4, 1.0 + 0.55 * len(thresholds), 1, 1)
+    places = range(len(thresholds))
+    colours = ["#D55E00" if t.opens else "#009E73" for t in thresholds]
+    ax.barh(places, [t.drag for t in thresholds], height=0.5, color=colours)
+    for place, threshold in zip(places, thresholds, strict=True):
+        ends = place - 0.35, place + 0.35
+        line = ax.vlines(threshold.least, *ends, color="0.2", lw=2.0)
+    line.set_label("threshold: closed teeth stay closed right of it")
+    ax.set_yticks(places, [f"wheel {t.wheel}" for t in thresholds])
+    ax.invert_yaxis()
+    unit = thresholds[0].unit
+    ax.set_xlabel(f"drag torque ({unit})" if unit else "drag γ")
+    ax.set_xlim(left=0.0)
+    legend_above(figure, [ax], 1)
+    return figure

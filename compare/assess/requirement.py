@@ -1,0 +1,63 @@
+"""A requirement on a quantity of the long run, ``rate_above < 50``, and whether it is met."""
+
+import re
+from enum import StrEnum
+from typing import Any, NamedTuple
+
+import pandas as pd
+
+from rattle.montecarlo.long_run.estimates import all_names
+from rattle.scene import InputError, choice
+
+REQUIREMENT = re.compile(r"\s*(\w+)\s*([<>])\s*(\S+)\s*")
+WRITE = "write QUANTITY < NUMBER or QUANTITY > NUMBER, such as 'rate_above < 50'"
+
+
+class Fulfilment(StrEnum):
+    """Whether a requirement is met."""
+
+    MET = "met"
+    MISSED = "not met"
+    OPEN = "not decided: the limit lies within the interval"
+    UNKNOWN = "not decided: the quantity is not known"
+
+
+class Requirement(NamedTuple):
+    """A limit of a quantity, in the units of the answer."""
+
+    quantity: str
+    relation: str  # ``<`` or ``>``
+    limit: float
+
+    def __str__(self) -> str:
+        return f"{self.quantity} {self.relation} {self.limit:g}"
+
+    def decide(self, motion: pd.DataFrame | None) -> Fulfilment:
+        """Decide by the 95 % interval of the quantity, from a table with index ``quantity``."""
+        if motion is None or self.quantity not in motion.index:
+            return Fulfilment.UNKNOWN
+        row: Any = motion.loc[self.quantity]
+        low = float(row["low"])
+        high = float(row["high"])
+        if not low <= high:
+            return Fulfilment.UNKNOWN
+        below = self.relation == "<"
+        if high < self.limit:
+            return Fulfilment.MET if below else Fulfilment.MISSED
+        if low > self.limit:
+            return Fulfilment.MISSED if below else Fulfilment.MET
+        return Fulfilment.OPEN
+
+
+def read_requirement(text: str, stages: int) -> Requirement:
+    """Read a requirement as it is typed."""
+    parts = REQUIREMENT.fullmatch(text)
+    if parts is None:
+        raise InputError("require", text, WRITE)
+    quantity, relation, number = parts.groups()
+    choice("require", quantity, all_names(stages))
+    try:
+        limit = float(number)
+    except ValueError:
+        raise InputError("require", text, f"{number!r} is not a number; {WRITE}") from None
+    return Requirement(quantity, relation, limit)

@@ -1,0 +1,46 @@
+"""The command that answers an engineer: does it rattle, how hard, what helps."""
+
+from typing import Any
+
+import click
+
+from rattle.compare.cli import shared
+from rattle.compare.cli.shared import EXIT_NOT_MET, Begin, say, say_lines
+from rattle.scene import Scene
+
+BUDGET_HELP = "Processor seconds, all threads together; compiling is not counted."
+REQUIRE_HELP = "Exit 3 unless it holds: a limit such as 'rate_above < 50', in the page's units."
+
+
+@click.command()
+@shared.SCENE_AND_SIGMA
+@shared.real("budget", BUDGET_HELP, 60.0)
+@click.option("--require", metavar="LIMIT", help=REQUIRE_HELP)
+@shared.real("slow", "Speed below which an impact is slow.", 0.1)
+@shared.SEED_AND_WORKERS
+@shared.report("reports/NAME-assess", "assess.page", shared.JSON_ALONE)
+def assess(base: Scene, begin: Begin, seed: int, **settings: Any) -> None:
+    """Answer: does it rattle, how hard, what helps, can a closure be used.
+
+    A first answer after some seconds, then a better one within the budget; the page has the
+    pictures. SCENE is a TOML file, DAT21 if none is given.
+
+    Exit codes: 0 answered; 2 bad input; 3 --require is not met, or not decided.
+    """
+    from rattle.compare.assess.assess import REFINED_FROM, assess_in_rounds
+    from rattle.compare.assess.requirement import Fulfilment
+
+    rounds = assess_in_rounds(base, **settings, rng=seed, progress="assess")
+    results = begin()
+    told: list[str] = []
+    for found in rounds:
+        results.write(found, scene=base.to_dict(), **settings, seed=seed)
+        results.overwrite = True  # from now on the page is this command's own
+        refines = not told and settings["budget"] >= REFINED_FROM and not results.as_json
+        if refines:
+            told = found.answer
+            say_lines(told)
+            say("A first answer; its page is written. Now the same with more runs.", err=True)
+    results.say([text for text in found.answer if text not in told], found.to_dict)
+    if found.fulfilment not in (None, Fulfilment.MET):
+        raise click.exceptions.Exit(EXIT_NOT_MET)

@@ -1,0 +1,154 @@
+"""The engineer's answer: its four parts, its requirement, its page and command, and bad input."""
+
+from dataclasses import replace
+
+import pandas as pd
+import pytest
+from commands import rattle, strict
+
+from rattle import DAT21, Gears, InputError, Scene, assess
+from rattle.compare.assess.assess import assess_in_rounds
+from rattle.compare.assess.assessment import describe_use
+from rattle.compare.assess.requirement import Fulfilment, read_requirement
+from rattle.compare.parameters.boundary import Boundary
+from rattle.scene.text import number_text
+
+LOUD = Scene.from_gears(DAT21, sigma=0.5)
+HELD = replace(DAT21, torque1=1e5, torque2=1e5)  # more drag than the drive can overcome
+SINGLE = Scene(alpha=1.0, epsilon=0.8, beta1=0.1, gamma1=0.1, stages=1, sigma=0.2)
+
+
+@pytest.fixture(scope="module")
+def loud():
+    return assess(LOUD, budget=5.0, require="rate_above > 10", rng=3)
+
+
+def test_the_four_answers_agree_with_their_parts(loud):
+    does, hard, helps, use, required, took = loud.answer
+    assert loud.rattles
+    assert does.startswith("Does it rattle? Yes.")
+    rate = loud.table.loc["rate_above"]
+    assert rate["unit"] == "1/s"
+    assert rate["low"] < rate["value"] < rate["high"]
+    assert hard.startswith(f"How hard? {number_text(rate['value'], 4)} ± ")
+    assert "Mesh 1:" in hard
+    assert "Mesh 2:" in hard
+    strongest = loud.levers.of("power").iloc[0]
+    assert strongest.name == "epsilon"
+    assert "a higher restitution (1 % more:" in helps
+    assert "`saltation`" in use
+    assert "`branching`" in use
+    assert required == "Required: `rate_above > 10`. Met."
+    assert "of 5 processor seconds" in took
+
+
+def test_a_lever_works_as_is_said(loud):
+    """More power from more amplitude: the planted opposite is outside the interval."""
+    row = loud.levers.of("power").loc["amplitude"]
+    assert 0.0 < row["low"] < row["effect"] < row["high"]
+    assert not row["low"] < -row["effect"] < row["high"]
+
+
+def test_gears_that_stay_closed():
+    found = assess(HELD, budget=5.0, require="rate_above < 50")
+    assert not found.rattles
+    assert found.levers is None
+    assert found.answer[0].startswith("Does it rattle? No. The motion comes to rest")
+    assert not any(text.startswith(("How hard", "What helps")) for text in found.answer)
+    assert found.fulfilment is Fulfilment.MET
+
+
+def test_one_wheel_without_units():
+    found = assess(SINGLE, budget=5.0)
+    hard = found.answer[1]
+    assert "a unit of time are faster than 0.1;" in hard
+    assert "Mesh" not in hard
+
+
+def test_what_cannot_be_known_is_said():
+    """Without noise there may be several motions, and then no one long run."""
+    several = Scene(alpha=0.3, epsilon=0.8, beta1=0.05, gamma1=0.0, stages=1)
+    found = assess(several, budget=5.0)
+    assert found.motion is None
+    assert "attractors" in found.missing["the long run"]
+    assert "The long run is not known" in found.answer[0]
+
+
+MOTION = pd.DataFrame({"low": [40.0], "high": [60.0]}, index=["rate_above"])
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("rate_above < 70", Fulfilment.MET),
+        ("rate_above<30", Fulfilment.MISSED),
+        ("rate_above > 30", Fulfilment.MET),
+        ("rate_above > 70", Fulfilment.MISSED),
+        ("rate_above < 50", Fulfilment.OPEN),
+        ("power < 50", Fulfilment.UNKNOWN),
+    ],
+)
+def test_a_requirement_is_decided_by_the_whole_interval(text, expected):
+    assert read_requirement(text, 2).decide(MOTION) is expected
+
+
+def points(*rows):
+    """A search along the noise that judged these values."""
+    table = pd.DataFrame(rows, columns=["value", "verdict"])
+    return Boundary(LOUD, "saltation", "sigma", (), table, 0)
+
+
+def test_a_closure_is_used_only_where_it_is_accurate():
+    edge = points((0.01, "accurate"), (0.1, "accurate"), (1.0, "inaccurate"), (2.0, "accurate"))
+    assert "it can be used" in describe_use(edge, 0.05)
+    assert "not decided" in describe_use(edge, 0.5)
+    assert "do not use it" in describe_use(edge, 1.5)
+    assert "do not use it" in describe_use(points((0.01, "inaccurate")), 0.005)
+    assert describe_use(points((0.01, "undecided")), 0.01) == "is not decided"
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"budget": 1.0}, "budget = 1.0: give 5 processor seconds or more"),
+        ({"require": "rate_above = 50"}, "write QUANTITY < NUMBER"),
+        ({"require": "rate_abov < 50"}, "did you mean 'rate_above'"),
+        ({"require": "rate_above < many"}, "'many' is not a number"),
+        ({"slow": -1.0}, "slow = -1.0"),
+        ({"workers": 0}, "workers = 0"),
+    ],
+)
+def test_bad_input_is_named_before_any_work(settings, message):
+    asked = {"budget": 60.0, "require": None, "slow": 0.1, "rng": 0, "workers": 1, "progress": None}
+    with pytest.raises(InputError, match=message):
+        assess_in_rounds(LOUD, **asked | settings)
+
+
+def test_a_larger_budget_gives_a_first_answer_and_a_better_one():
+    asked = {"require": None, "slow": 0.1, "rng": 0, "workers": 1, "progress": None}
+    rounds = list(assess_in_rounds(HELD, budget=24.0, **asked))
+    assert len(rounds) == 2
+    assert rounds[0].motion is rounds[1].motion  # exact already
+
+
+def test_gears_are_taken_as_they_are():
+    wheel = {"inertia1": 950.0, "radius1": 38.0, "backlash1": 0.12, "torque1": 1e6}
+    found = assess(Gears(alpha=1.0, epsilon=0.5, omega=170.0, **wheel), budget=5.0)
+    assert found.scene.stages == 1
+    assert not found.rattles
+
+
+def test_the_command_writes_its_page_and_ends_by_the_requirement(tmp_path):
+    file = tmp_path / "held.toml"
+    file.write_text(Scene.from_gears(HELD, sigma=0.01).to_toml())
+    out = tmp_path / "report"
+    met = rattle(f"assess {file} --budget 5 --require 'rate_above < 50' --out {out}")
+    assert "Required: `rate_above < 50`. Met." in met.output
+    page = (out / "assess.md").read_text()
+    assert "Does it rattle? No." in page
+    assert "threshold.svg" in page
+    again = rattle(f"assess {file} --budget 5 --require 'rate_above > 50' --json", code=3)
+    facts = strict(again.stdout)
+    assert facts["rattles"] is False
+    assert facts["requirement"] == {"text": "rate_above > 50", "fulfilment": "not met"}
+    rattle(f"assess {file} --require 'rate < '", code=2)
