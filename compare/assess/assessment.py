@@ -145,15 +145,18 @@ class Assessment(Finding):
         return levers
 
     def figures(self) -> "dict[str, Figure]":
-        """The figures of the page by name.
+        """Draw the figures of the page by name, as far as there is something to draw."""
+        from rattle.compare.assess.figures import threshold_figure
+        from rattle.compare.parameters.figures import tornado
 
-        Returns
-        -------
-        dict of Figure
-        """
-        from rattle.compare.assess.figures import draw_assessment
-
-        return draw_assessment(self)
+        figures = {"threshold": threshold_figure(self.thresholds)}
+        if self.motion is not None and self.motion.run is not None:
+            figures["speeds"] = self.motion.plot("distribution")
+        if self.levers is not None:
+            figures["levers"] = tornado(self.levers.table, [LOUDNESS, "rate_above"])
+        for boundary in self.closures:
+            figures[boundary.closure] = boundary.plot()
+        return figures
 
     def to_dict(self) -> dict[str, object]:
         """Everything as plain data."""

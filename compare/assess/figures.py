@@ -1,23 +1,9 @@
-"""The figures of an assessment: the threshold of rattle, and those of its parts."""
+"""The figure of an assessment that is its own: drags and their thresholds."""
 
 from matplotlib.figure import Figure
 
-from rattle.compare.assess.assessment import LOUDNESS, Assessment
-from rattle.compare.parameters.figures import tornado
 from rattle.compare.report.style import legend_above, new_figure
 from rattle.scene.threshold import RattleThreshold
-
-
-def draw_assessment(found: Assessment) -> dict[str, Figure]:
-    """The figures by name, as far as there is something to draw."""
-    figures = {"threshold": threshold_figure(found.thresholds)}
-    if found.motion is not None and found.motion.run is not None:
-        figures["speeds"] = found.motion.plot("distribution")
-    if found.levers is not None:
-        figures["levers"] = tornado(found.levers.table, [LOUDNESS, "rate_above"])
-    for boundary in found.closures:
-        figures[boundary.closure] = boundary.plot()
-    return figures
 
 
 def threshold_figure(thresholds: tuple[RattleThreshold, ...]) -> Figure:
