@@ -29,6 +29,10 @@ WORTH_A_WORD = 0.05
 TOO_FEW_FOR_INTERVAL = f"too few paths for an interval; that of an sd needs {FEWEST_FOR_SD}"
 """Remark on a row whose interval the sample cannot have."""
 
+BY_STEP = (
+    "more paths do not decide it: what the step changes is not known better; take a shorter step"
+)
+"""Remark where the bias of the step is not known to the tolerance."""
 BY_SIZE = f"sd is 0, or too small for doubles: compared with {ABSOLUTE:g} of the quantity's size"
 """Remark on the rows of such quantities."""
 
@@ -115,8 +119,11 @@ def remarks(table: pd.DataFrame) -> NDArray[Any]:
     shift = np.maximum(table["unseen_low"], table["unseen_high"])
     by_size = (table["still"] > 0.0) & table["verdict"].isin(JUDGED)
     few = table["low"].isna() & (table["verdict"] == Verdict.UNDECIDED)
+    by_step = (table["rest"] >= table["tolerance"]) & (table["verdict"] == Verdict.UNDECIDED)
     waits = waits_for_branch(table)
-    out = np.select([few, by_size], [TOO_FEW_FOR_INTERVAL, BY_SIZE], "").astype(object)
+    out = np.select([few, by_size, by_step], [TOO_FEW_FOR_INTERVAL, BY_SIZE, BY_STEP], "").astype(
+        object
+    )
     if waits.any():
         columns = (
             table["moment"],

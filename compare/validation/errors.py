@@ -13,6 +13,7 @@ from scipy.special import ndtr
 from rattle.closure import MeanMap
 from rattle.closure.closure import describe_error
 from rattle.compare.judge.rows import (
+    BY_STEP,
     TOO_FEW_FOR_INTERVAL,
     Claimed,
     compare_rows,
@@ -41,6 +42,7 @@ it."""
 ON_ITINERARY = "itinerary"
 """The kind of the rows on the paths that have followed a closure's itinerary so far."""
 
+LARGEST_DIFFERENCE = 2.0  # between two correlations
 HALF_OF_PATHS = 0.5
 """Share of all paths that must follow an itinerary for these paths to be judged alone."""
 
@@ -278,7 +280,8 @@ def mid_flight_errors(
 
     The interval of the simulated value is symmetric in Fisher's z = artanh rho, whose standard
     error is measured (for a Gaussian pair it is ``1 / sqrt(paths)``); it is widened by the change
-    from 2 dt to dt where there is a step bias.
+    from 2 dt to dt where there is a step bias, and covers everything after impacts that are
+    detected late.
 
     Returns: Rows as of `rattle.compare.validation.errors`; ``time`` is the fixed time, ``impact``
     the one that ends its flight. Shapes: `flights` (fixed times,).
@@ -299,15 +302,17 @@ def mid_flight_errors(
         "paths": run.paths,
     }
     common["agreement"] = run.agreement[prediction.closure].to_numpy()[flights - 1]
+    late = np.r_[False, run.lateness.any(axis=1)][flights - 1]  # at the start of each flight
     parts = []
     for stage in range(1, run.scene.stages + 1):
         rho = fixed[f"rho{stage}"]
         fisher = each(math.atanh, rho.clip(-1.0 + 1e-15, 1.0 - 1e-15))
         half = half_width(run.paths, float(ndtr(-z))) * fixed[f"se_z_rho{stage}"]
         bias = fixed.get(f"coarse_rho{stage}", rho) - rho
+        rest = bias.abs().where(~late, LARGEST_DIFFERENCE)
         value = predicted[f"rho{stage}"].reindex(fixed.index)
-        low = value - each(math.tanh, fisher + half) - bias.abs()
-        high = value - each(math.tanh, fisher - half) + bias.abs()
+        low = value - each(math.tanh, fisher + half) - rest
+        high = value - each(math.tanh, fisher - half) + rest
         own: dict[str, Any] = {
             "quantity": f"rho{stage}",
             "predicted": value,
@@ -317,14 +322,13 @@ def mid_flight_errors(
         own |= {
             "se": fixed[f"se_rho{stage}"],
             "bias": bias,
-            "rest": bias.abs(),
+            "rest": rest,
             "low": low,
             "high": high,
         }
-        own |= {"noise": 0.5 * (high - low) - bias.abs()}
-        own["remark"] = np.where(
-            half.isna() & value.notna() & rho.notna(), TOO_FEW_FOR_INTERVAL, remark
-        )
+        own |= {"noise": 0.5 * (high - low) - rest}
+        few = half.isna() & value.notna() & rho.notna()
+        own["remark"] = np.select([few, late], [TOO_FEW_FOR_INTERVAL, BY_STEP], remark)
         parts.append(pd.DataFrame(common | own))
     return judge(pd.concat(parts, ignore_index=True))
 
