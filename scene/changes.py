@@ -11,7 +11,7 @@ from dataclasses import fields, replace
 from typing import Any
 
 from rattle.scene.errors import choice
-from rattle.scene.gears import values_of
+from rattle.scene.gears import check_typed, values_of
 from rattle.scene.gears_input import UNIT, read_drive
 from rattle.scene.parts import Start, Tolerance, move_to_flanks
 from rattle.scene.scene import Scene
@@ -105,8 +105,11 @@ def find_value(scene: Scene, name: str, asked: str) -> float:
         return of_gears[name]
     if order := ORDER_FIELD.fullmatch(name):
         return _find_in_order(scene, int(order[1]), order[2])
+    if scene.gears is not None and name not in SCENE_FIELDS:
+        check_typed(scene.gears, name, asked)
     excluded = (*NOT_NUMBERS, *(SECOND if scene.stages == 1 else ()))
-    choice(asked, name, [*of_gears, *(known for known in SCENE_FIELDS if known not in excluded)])
+    of_scene = (known for known in SCENE_FIELDS if known not in excluded)
+    choice(asked, name, dict.fromkeys([*of_gears, *of_scene]))
     value: Any = scene
     for field in name.split("."):
         value = getattr(value, field, 0.0)  # without a tolerance its parts are 0

@@ -408,15 +408,22 @@ def values_of(gears: Gears) -> dict[str, float]:
     return {"alpha": gears.alpha, "amplitude": gears.amplitude} | gears.values
 
 
+def check_typed(gears: Gears, name: str, asked: str) -> None:
+    """Refuse a value of other gears, which these were given without."""
+    if name not in values_of(gears) and name in (
+        *Gears.ELSEWHERE,
+        *(f.name for f in fields(Gears)),
+    ):
+        why = "these gears were given without it; give it to Gears.driven, or in [gears], first"
+        raise InputError(asked, name, why)
+
+
 def change_gears(gears: Gears, changes: Mapping[str, Any]) -> Gears:
     """Gears with other values; all others stay as they were typed, and the driver's motion as it
     is."""
-    known = values_of(gears)
     for name in changes:
-        if name not in known and name in Gears.ELSEWHERE:
-            why = "these gears were given without it; give it to Gears.driven, or in [gears], first"
-            raise InputError("gears", name, why)
-    check_keys("gears", changes, known)
+        check_typed(gears, name, "gears")
+    check_keys("gears", changes, values_of(gears))
     drives = [name for name in DRIVES if name in changes]
     if len(drives) > 1:
         raise InputError("gears", drives, "give the drive once")

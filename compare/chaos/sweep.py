@@ -28,10 +28,9 @@ from rattle.compare.engine.run import obtain_all
 from rattle.compare.engine.store import Cell
 from rattle.montecarlo.kernel.blocks import Blocks
 from rattle.montecarlo.long_run import AtRest, BurnInError, long_run
-from rattle.scene import Floats, InputError, Scene, count, finite
+from rattle.scene import Floats, InputError, Scene
 from rattle.scene.changes import change, find_value
 
-ALPHAS = "0.05:2.5:100"
 SWEEP_COLUMNS = ("largest", "low", "high", "rate", "sum_error", "impacts", "regime", "reason")
 PUBLISHED_IMPACTS = 30  # impacts through which the published map is followed at each value
 WITHOUT_NOISE = "without noise"
@@ -41,20 +40,6 @@ DENSITY_POINTS = 6000  # impacts of an orbit behind each density without noise
 # of the long run behind each density with noise
 SWEEP_PATHS = 64
 SWEEP_PERIODS = 64
-
-
-def values(name: str, text: str) -> tuple[float, ...]:
-    """Read evenly spaced values from ``LOW:HIGH:POINTS``."""
-    try:
-        low, high, points = text.split(":")
-        ends = float(low), float(high)
-        number = int(points)
-    except ValueError:
-        raise InputError(name, text, f"give LOW:HIGH:POINTS, as in {ALPHAS}") from None
-    if not finite(f"{name} LOW", ends[0]) < finite(f"{name} HIGH", ends[1]):
-        raise InputError(name, text, f"give LOW:HIGH:POINTS with LOW below HIGH, as in {ALPHAS}")
-    count(f"{name} POINTS", number, least=2)
-    return tuple(np.linspace(*ends, number).tolist())
 
 
 def paper_noise(scene: Scene) -> Scene:

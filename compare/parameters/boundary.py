@@ -256,28 +256,24 @@ def check_search(
 
 
 def find_range(
-    parameter: Parameter,
-    between: Sequence[float] | None,
-    name: str = "between",
-    around: float = AROUND,
+    parameter: Parameter, between: Sequence[float] | None, around: float = AROUND
 ) -> tuple[float, float]:
     """The range of a search; both ends are values that a scene can have."""
     over = parameter.name
     value = parameter.value
     ends = between or (SIGMA_RANGE if over == "sigma" else (value / around, value * around))
     if between is None and over != "sigma" and not value > 0.0:
-        raise InputError(name, None, f"give a range: {over} is {value:.4g} in this scene")
+        raise InputError(over, value, "is not above 0 in this scene: give a range")
     low, high = ends
-    if not positive(name, low) < positive(name, high):
-        raise InputError(name, (low, high), "give a smaller and a larger value")
+    if not positive(f"{over} LOW", low) < positive(f"{over} HIGH", high):
+        raise InputError(f"{over} HIGH", high, f"must be greater than LOW = {low:g}")
     possible = []
     for end in ends:
         try:
             parameter.scene_at(end)
         except InputError as error:
             if between is not None:
-                why = f"no scene can have {over} = {end:.4g} ({error})"
-                raise InputError(name, end, why) from None
+                raise InputError(over, end, f"no scene can have it ({error})") from None
             end = value
         possible.append(end)
     return possible[0], possible[1]

@@ -269,7 +269,7 @@ def boundary_map(
     first = find_parameter(scene, over)
     second = find_parameter(scene, along, "along")
     between = settings.get("between")
-    low, high = find_range(second, reach, "reach", 2.0)
+    low, high = find_range(second, reach, 2.0)
     grid = np.geomspace(low, high, count("values", values, least=2))
     at = [float(f"{value:.6g}") for value in grid]
     scenes = [second.scene_at(value) for value in at]

@@ -31,13 +31,14 @@ from rattle.scene import (
 )
 from rattle.scene.changes import ORDER_FIELD, SCENE_FIELDS, UNIT_VALUES, change
 from rattle.scene.files import in_file, read_text, read_toml
-from rattle.scene.gears import values_of
+from rattle.scene.gears import check_typed, values_of
 from rattle.scene.gears_input import GEAR_FIELDS, OPTIONAL, check_plausible
 from rattle.scene.numpy_errors import numpy_defaults
 
 SETTING_NAMES = ("scheme", "paths", "accuracy", "dt", "seed")
 """Settings of the simulation that an axis may vary, in addition to the fields of the scene."""
 
+GEAR_NAMES = (*GEAR_FIELDS, *OPTIONAL)
 VARIABLE = (*SCENE_FIELDS, *SETTING_NAMES)
 MOST_GRID_POINTS = 100_000  # largest number of grid points of a study
 AXIS_EXAMPLE = "write { log = [0.001, 2.0, 24] }, { linear = [0.5, 1.5, 11] } or a list of values"
@@ -66,7 +67,6 @@ def read_axes(tables: Sequence[Mapping[str, Any]], gears: Gears | None = None) -
     Fields of one table vary together and need equally many values.
     """
     valid = (*VARIABLE, *(values_of(gears) if gears else ()))
-    of_gears = (*GEAR_FIELDS, *OPTIONAL)
     axes: list[Axis] = []
     if not isinstance(tables, list | tuple):
         raise InputError("axes", tables, "write each axis as a table [[axes]]")
@@ -78,12 +78,12 @@ def read_axes(tables: Sequence[Mapping[str, Any]], gears: Gears | None = None) -
         for name in table:
             if name not in valid and not ORDER_FIELD.fullmatch(name):
                 why = f"no field of a scene or a simulation; {nearest(name, valid)}"
-                if name in of_gears:
+                if gears is not None:
+                    check_typed(gears, name, "axes")
+                elif name in GEAR_NAMES:
                     why = (
-                        "a value that these gears were given without; write it in [gears] first"
-                        if gears
-                        else "a value of gears, which this study has not; write [gears], or vary"
-                        " one of [scene]"
+                        "a value of gears, which this study has not; write [gears], or vary one of"
+                        " [scene]"
                     )
                 raise InputError("axes", name, why)
         columns = {name: _values(name, values) for name, values in table.items()}
