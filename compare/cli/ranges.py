@@ -33,8 +33,7 @@ class Range(NamedTuple):
     def values(self, scene: Scene, points: int) -> tuple[float, ...]:
         """Its values; around that of the scene where it has no ends, so many where it does not say
         how many."""
-        from rattle.compare.parameters.boundary import find_range
-        from rattle.compare.study.parameters import find_parameter
+        from rattle.compare.study.parameters import find_parameter, find_range
 
         low, high = self.ends or find_range(find_parameter(scene, self.name), None)
         number = self.points or points

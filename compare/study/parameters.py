@@ -1,16 +1,18 @@
 """The parameters of a scene that can be changed one at a time: of its gears, or of the model where
 it has none."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-from rattle.scene import InputError, Scene
+from rattle.scene import InputError, Scene, positive
 from rattle.scene.changes import SECOND, change, find_value, unit_of_value, words_of_value
 from rattle.scene.gears import DRIVES, values_of
 from rattle.scene.parts import SINE_ALONE
 from rattle.scene.scene import SWEPT
 from rattle.scene.text import percent
 
+SIGMA_RANGE = (1e-3, 2.0)  # where the noise intensity is searched by default
+AROUND = 4.0  # other parameters: from a fourth of their value to four times it
 CHANGE = 0.01  # the change of a parameter that effects are stated for
 PERCENT = percent(CHANGE)
 # relative changes of a parameter at which the motion is simulated, up and down
@@ -77,3 +79,27 @@ def find_parameter(scene: Scene, name: str, asked: str = "over") -> Parameter:
     """A parameter, or any other number of the scene, such as ``correlation_time``, ``start.y1``,
     ``drive.2.phase``."""
     return Parameter(scene, name, find_value(scene, name, asked))
+
+
+def find_range(
+    parameter: Parameter, between: Sequence[float] | None, around: float = AROUND
+) -> tuple[float, float]:
+    """The range of a search; both ends are values that a scene can have."""
+    over = parameter.name
+    value = parameter.value
+    ends = between or (SIGMA_RANGE if over == "sigma" else (value / around, value * around))
+    if between is None and over != "sigma" and not value > 0.0:
+        raise InputError(over, value, "is not above 0 in this scene: give a range")
+    low, high = ends
+    if not positive(f"{over} LOW", low) < positive(f"{over} HIGH", high):
+        raise InputError(f"{over} HIGH", high, f"must be greater than LOW = {low:g}")
+    possible = []
+    for end in ends:
+        try:
+            parameter.scene_at(end)
+        except InputError as error:
+            if between is not None:
+                raise InputError(over, end, f"no scene can have it ({error})") from None
+            end = value
+        possible.append(end)
+    return possible[0], possible[1]

@@ -20,9 +20,9 @@ from rattle.closure import CLOSURES
 from rattle.compare.checks.stability.chart import AXES
 from rattle.compare.cli.main import main
 from rattle.compare.cli.shared import say
-from rattle.compare.parameters.boundary import SIGMA_RANGE
 from rattle.compare.parameters.sensitivity import default_quantities
 from rattle.compare.stationary.verdicts import CLOSURES_JUDGED
+from rattle.compare.study.parameters import SIGMA_RANGE
 from rattle.compare.tradeoff.measure import ACCURACIES
 from rattle.montecarlo import SCHEMES, default_step
 from rattle.montecarlo.accuracy.simulate_to import INSTEAD
