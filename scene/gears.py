@@ -1,12 +1,13 @@
 """Loose gears in physical units (mm, kg, N, s), and the only conversion of units (Eqs. 1-3)."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import InitVar, dataclass, fields
 from typing import Any, ClassVar
 
 from rattle.scene.errors import (
     InputError,
+    check_keys,
     check_range,
     finite,
     non_negative,
@@ -399,6 +400,40 @@ class Gears:
             "the loose wheels are 1 and 2" if self.wheels == 2 else "there is one loose wheel, 1"
         )
         raise InputError("wheel", wheel, known)
+
+
+def values_of(gears: Gears) -> dict[str, float]:
+    """The values of gears that can be others: those that were typed, and the drive in mm and as
+    `alpha`."""
+    return {"alpha": gears.alpha, "amplitude": gears.amplitude} | gears.values
+
+
+def check_typed(gears: Gears, name: str, asked: str) -> None:
+    """Refuse a value of other gears, which these were given without."""
+    if name not in values_of(gears) and name in (
+        *Gears.ELSEWHERE,
+        *(f.name for f in fields(Gears)),
+    ):
+        why = "these gears were given without it; give it to Gears.driven, or in [gears], first"
+        raise InputError(asked, name, why)
+
+
+def change_gears(gears: Gears, changes: Mapping[str, Any]) -> Gears:
+    """Gears with other values; all others stay as they were typed, and the driver's motion as it
+    is."""
+    for name in changes:
+        check_typed(gears, name, "gears")
+    check_keys("gears", changes, values_of(gears))
+    drives = [name for name in DRIVES if name in changes]
+    if len(drives) > 1:
+        raise InputError("gears", drives, "give the drive once")
+    values = gears.values | {n: value for n, value in changes.items() if n not in DRIVES}
+    if drives:
+        values = drive_by(values, drives[0], changes[drives[0]])
+    elif "alpha" in values and "backlash1" in changes:
+        backlash = positive("backlash1", values["backlash1"])
+        values["alpha"] = gears.amplitude / backlash
+    return Gears.driven(**values)
 
 
 def drive_by(values: dict[str, Any], name: str, amplitude: float) -> dict[str, Any]:

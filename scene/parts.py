@@ -2,7 +2,8 @@
 paths."""
 
 import math
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 from rattle.scene.errors import (
     InputError,
@@ -187,3 +188,13 @@ class Start:
         ):
             check_range(f"start.{name}", getattr(self, name), 0.0, most)
         object.__setattr__(self, "mesh", count("start.mesh", self.mesh, least=0, most=2))
+
+
+def move_to_flanks(start: Start, before: Sequence[float], after: Sequence[float]) -> Start:
+    """The start of a scene whose half gaps at both meshes are others: what lies on a nominal flank
+    stays on it."""
+    x1, x2 = (
+        math.copysign(finite(f"gap{i}", new), x) if abs(x) == old else x
+        for i, (x, old, new) in enumerate(zip((start.x1, start.x2), before, after, strict=True), 1)
+    )
+    return replace(start, x1=x1, x2=x2)

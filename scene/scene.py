@@ -13,8 +13,17 @@ import tomli_w
 from rattle.scene import errors, gears_input
 from rattle.scene.errors import InputError, suggesting
 from rattle.scene.files import in_file, read_text, read_toml
-from rattle.scene.gears import DAT21, Gears
-from rattle.scene.parts import GAPS, LEAST_SIZE, MEMORY_RANGE, SINE_ALONE, Order, Start, Tolerance
+from rattle.scene.gears import DAT21, Gears, change_gears
+from rattle.scene.parts import (
+    GAPS,
+    LEAST_SIZE,
+    MEMORY_RANGE,
+    SINE_ALONE,
+    Order,
+    Start,
+    Tolerance,
+    move_to_flanks,
+)
 from rattle.scene.text import as_call, as_html
 from rattle.scene.types import SINE, Constants, Floats, Orders
 
@@ -287,6 +296,50 @@ class Scene:
             If `sigma` is out of range.
         """
         return replace(self, sigma=sigma)
+
+    def with_gears(self, **changes: float) -> "Scene":
+        """The same scene with other values of its gears.
+
+        All other values stay as they were typed, and the driver moves as before, in mm: a larger
+        ``backlash1`` makes a smaller `alpha`.  Noise intensity, correlation time, drive and start
+        are kept, tolerances in mm; a start on a flank stays on it.
+
+        Parameters
+        ----------
+        **changes : float
+            Values by name, in the unit of `Gears` and `Gears.driven`: those that the gears were
+            given by, ``amplitude`` (mm) or ``alpha``.
+
+        Returns
+        -------
+        Scene
+            With the changed gears as its `gears`.
+
+        Raises
+        ------
+        InputError
+            If the scene has no gears, the gears have no such value, or a value is not admissible.
+
+        Examples
+        --------
+        >>> from rattle.scene import DAT21
+        >>> wide = Scene.from_gears(DAT21, sigma=0.1).with_gears(backlash1=0.4, torque1=50.0)
+        >>> round(wide.alpha, 6), round(wide.gears.amplitude, 6), wide.sigma
+        (0.75, 0.3, 0.1)
+        """
+        if self.gears is None:
+            why = "this scene was not made from gears; use Scene.from_gears, or a file with [gears]"
+            raise InputError("gears", None, why)
+        gears = change_gears(self.gears, changes)
+        settings = {name: getattr(self, name) for name in FREE}
+        if self.tolerance is not None:
+            unit = self.gears.backlash1 / gears.backlash1  # old unit of length over the new one
+            widths = {name: unit * getattr(self.tolerance, name) for name in ("c1_max", "c2_max")}
+            settings["tolerance"] = replace(self.tolerance, **widths)
+        if gears.wheels == 2:
+            gaps = (self.gap1, gears.gap2)
+            settings["start"] = move_to_flanks(self.start, (self.gap1, self.gap2), gaps)
+        return Scene.from_gears(gears, **settings)
 
     def scaled(self, factor: float) -> "Scene":
         """The same system in another unit of length.

@@ -19,8 +19,7 @@ from rattle.compare.chaos.record import STICKS_AT_TIMES, STICKS_FOR_GOOD, STICKS
 from rattle.compare.chaos.section import MAP, NOISY, ORBIT_SECTION, Section
 from rattle.compare.chaos.spectrum import SEQUENCE, VELOCITY_IN_TIME, Spectrum
 from rattle.compare.chaos.sweep import WITH_NOISE, WITHOUT_NOISE, Bifurcation
-from rattle.compare.report.style import SYMBOL, legend_above, new_figure
-from rattle.compare.report.texts import read_texts
+from rattle.compare.report.style import SYMBOL, axis_label, legend_above, new_figure
 from rattle.scene import Bools, Floats, Gears
 
 SIDE: Any = {
@@ -33,7 +32,6 @@ SIDE: Any = {
 }
 """Colours of the sides, from Okabe and Ito's palette."""
 LEAST_DENSITY = 1e-4  # lower end of the colours of a density, relative to its highest
-FIELD_NAMES: dict[str, str] = read_texts("chaos")["fields"]
 HIGHEST_FREQUENCY = 6.5  # highest frequency drawn, in units of the excitation frequency
 
 
@@ -180,7 +178,7 @@ def sweep_figure(
         label = "chaotic according to the paper: {:g} to {:g}".format(*claimed)
         ax.axvspan(*claimed, color="#F0E442", alpha=0.25, lw=0, label=label)
     _lines(ax, table, field)
-    ax.set_xlabel(FIELD_NAMES.get(field, field))
+    ax.set_xlabel(axis_label(field))
     legend_above(figure, [ax], 2)
     return figure
 
@@ -214,7 +212,7 @@ def bifurcation_figure(
         legend_above(figure, axes, 1)
     for ax in axes:
         ax.set_xlim(x[0], x[-1])
-    axes[-1].set_xlabel(FIELD_NAMES.get(b.field, b.field))
+    axes[-1].set_xlabel(axis_label(b.field))
     return figure
 
 

@@ -6,7 +6,7 @@ A bifurcation diagram has the velocity before the impacts alone, as counts or as
 
 import math
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -28,11 +28,9 @@ from rattle.compare.engine.run import obtain_all
 from rattle.compare.engine.store import Cell
 from rattle.montecarlo.kernel.blocks import Blocks
 from rattle.montecarlo.long_run import AtRest, BurnInError, long_run
-from rattle.scene import Floats, InputError, Scene, choice, count, finite
-from rattle.scene.gear_values import has_own_start, scene_with, values_of
-from rattle.scene.scene import SWEPT
+from rattle.scene import Floats, InputError, Scene
+from rattle.scene.changes import change, find_value
 
-ALPHAS = "0.05:2.5:100"
 SWEEP_COLUMNS = ("largest", "low", "high", "rate", "sum_error", "impacts", "regime", "reason")
 PUBLISHED_IMPACTS = 30  # impacts through which the published map is followed at each value
 WITHOUT_NOISE = "without noise"
@@ -42,20 +40,6 @@ DENSITY_POINTS = 6000  # impacts of an orbit behind each density without noise
 # of the long run behind each density with noise
 SWEEP_PATHS = 64
 SWEEP_PERIODS = 64
-
-
-def values(name: str, text: str) -> tuple[float, ...]:
-    """Read evenly spaced values from ``LOW:HIGH:POINTS``."""
-    try:
-        low, high, points = text.split(":")
-        ends = float(low), float(high)
-        number = int(points)
-    except ValueError:
-        raise InputError(name, text, f"give LOW:HIGH:POINTS, as in {ALPHAS}") from None
-    if not finite(f"{name} LOW", ends[0]) < finite(f"{name} HIGH", ends[1]):
-        raise InputError(name, text, f"give LOW:HIGH:POINTS with LOW below HIGH, as in {ALPHAS}")
-    count(f"{name} POINTS", number, least=2)
-    return tuple(np.linspace(*ends, number).tolist())
 
 
 def paper_noise(scene: Scene) -> Scene:
@@ -69,16 +53,12 @@ def vary(
     at: Iterable[float],
     noise: Callable[[Scene], Scene] = lambda scene: scene,
 ) -> dict[float, Scene]:
-    """The same scene at each value of a field, or of a value of its gears; a default start is
-    adapted to new gaps.
+    """The same scene at each value of a field, or of a value of its gears.
 
     `noise`: Maps each scene to the same with its noise set, such as `paper_noise`.
     """
-    choice("field", field, (*SWEPT, *(values_of(scene.gears) if scene.gears else ())))
-    if field not in SWEPT:
-        return {value: noise(scene_with(scene, {field: value})) for value in at}
-    changed: dict[str, Any] = {} if has_own_start(scene) else {"start": None}
-    return {value: noise(replace(scene, **(changed | {field: value}))) for value in at}
+    find_value(scene, field, "field")  # there is one
+    return {value: noise(change(scene, {field: value})) for value in at}
 
 
 @dataclass(frozen=True)

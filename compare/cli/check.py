@@ -11,7 +11,8 @@ import click
 
 import rattle as rt
 from rattle.compare.cli import shared
-from rattle.compare.cli.shared import Results, say, say_json, say_lines, say_part
+from rattle.compare.cli.ranges import Range
+from rattle.compare.cli.shared import SWEEP_POINTS, Results, say, say_json, say_lines, say_part
 from rattle.scene import OutputError, count, positive
 
 if TYPE_CHECKING:
@@ -183,7 +184,7 @@ PER_PATH = 1e-4
 
 @click.command()
 @shared.several("sigma", "sigmas", float, "Noise of a validation; repeatable. [default: 0.01, 0.1]")
-@shared.grid("over", "0.05:2.5:100", "Values of alpha.")
+@shared.over("Values of alpha.", "alpha=0.05:2.5:100", only="alpha")
 @shared.whole("paths", 100_000, "Paths of each validation.")
 @shared.whole("points", 1_000_000, "Points of each Poincare section.")
 @shared.whole("impacts", 200_000, "Impacts of the spectra.")
@@ -191,7 +192,7 @@ PER_PATH = 1e-4
 @shared.folder_options(Path("reports/claims"))
 def claims(
     sigmas: tuple[float, ...],
-    over: str,
+    over: Range,
     paths: int,
     points: int,
     impacts: int,
@@ -208,11 +209,11 @@ def claims(
     Exit codes: 0 complete, whatever the verdicts; 2 bad input.
     """
     from rattle.compare.chaos.measure import Effort
-    from rattle.compare.chaos.sweep import values
     from rattle.compare.checks.claims.evidence import gather
     from rattle.compare.checks.claims.judges import judge
 
-    at = values("over", over)
+    scene = rt.Scene.from_gears(rt.DAT21)
+    at = over.values(scene, SWEEP_POINTS)
     levels = sigmas or (0.01, 0.1)
     for sigma in levels:
         positive("sigma", sigma)
@@ -224,7 +225,6 @@ def claims(
     minutes = (BASE + PER_VALUE * len(at) + PER_PATH * paths * (len(levels) + 1)) / 60.0
     say(f"About {minutes:.1g} minutes of processor time, and what has to be compiled.", err=True)
     effort = Effort(points, impacts, seed=seed, workers=workers)
-    scene = rt.Scene.from_gears(rt.DAT21)
     evidence = gather(scene, levels, at, paths, effort, say_part, results.cells)
     judged = judge(evidence)
     answer = results.write(

@@ -11,6 +11,7 @@ from rattle.compare.cli.assess import assess
 from rattle.compare.cli.check import check, claims, warm_up
 from rattle.compare.cli.judge import judge
 from rattle.compare.cli.parameters import boundary, sensitivity
+from rattle.compare.cli.ranges import EXAMPLE, RENAMED
 from rattle.compare.cli.shared import CommandGroup, say
 from rattle.compare.cli.show import animate, drive, init, show
 from rattle.compare.cli.simulate import chaos, simulate, stationary
@@ -47,6 +48,12 @@ class RattleGroup(CommandGroup):
         try:
             with ends_soon(), speaking("starting"):
                 return super().invoke(ctx)
+        except click.NoSuchOption as error:
+            renamed = RENAMED.get(error.option_name)
+            if renamed is None:
+                raise
+            why = f"{error.option_name} is now part of {renamed}, as in {EXAMPLE}"
+            raise click.UsageError(why, error.ctx) from None
         # the message may quote a file name with control characters
         except click.ClickException as error:
             setattr(error, "message", harmless(error.message))  # noqa: B010  (final by its type)

@@ -7,11 +7,21 @@ import click
 
 import rattle as rt
 from rattle.compare.cli import shared
+from rattle.compare.cli.ranges import Range
 from rattle.compare.cli.shared import EXIT_NOT_MET, Begin
 from rattle.scene import InputError, Scene
 
-REACH_HELP = "Its range. [default: half its value to twice it]"
+SCAN_POINTS = 8  # values of a scan
+MAP_VALUES = 9  # values of the second parameter of a map
 CONTINUES = "interrupt a map, and the same command continues it"
+OVER_HELP = (
+    "Parameter of the gears or the scene, its range, and how many values are scanned, evenly spaced"
+    " in their logarithm. [default: sigma=0.001:2:8; a fourth of another's value to four times it]"
+)
+AND_HELP = (
+    "A second parameter: trace the boundary over both, at so many of its values. [default: half its"
+    " value to twice it, 9 values]"
+)
 CLOSURE_HELP = "In place of quantities: judge what it predicts."
 
 
@@ -24,23 +34,10 @@ CLOSURE_HELP = "In place of quantities: judge what it predicts."
     help="In place of a closure: a quantity of the long run, with --level.",
 )
 @shared.real("level", "Its level; impacts per second, mm/s or mW for a scene with [gears].")
-@click.option(
-    "--over",
-    default="sigma",
-    metavar="NAME",
-    help="Parameter of the gears or the scene.",
-)
-@click.option(
-    "--between", nargs=2, type=float, metavar="LOW HIGH", help="Range. [default: 0.001 2 for sigma]"
-)
-@click.option(
-    "--and", "along", metavar="NAME", help="A second parameter: trace the boundary over both."
-)
-@click.option("--reach", nargs=2, type=float, metavar="LOW HIGH", help=REACH_HELP)
-@shared.whole("values", 9, "How many values of it.")
+@shared.over(OVER_HELP, "sigma")
+@shared.over(AND_HELP, option="and")
 @shared.SCHEDULER
 @shared.whole("impacts", 12, "Impacts that must be accurate.")
-@shared.whole("points", 8, "Values of the first scan.")
 @shared.real("width", "Every edge is known to ± this share.", 0.1)
 @shared.real("budget", "Processor seconds after which no further value is judged.")
 @shared.SEED_AND_WORKERS
@@ -51,7 +48,8 @@ def boundary(
     closure: str | None,
     quantity: str | None,
     level: float | None,
-    along: str | None,
+    over: Range,
+    along: Range | None,
     scheduler: str | None,
     seed: int,
     workers: int,
@@ -75,7 +73,6 @@ def boundary(
         ),
         ("quantity", quantity, mapped, "does not go with --and, which maps a closure"),
         ("budget", budget, mapped, f"does not go with --and: {CONTINUES}"),
-        ("reach", asked["reach"], not mapped, "goes with --and"),
         ("scheduler", scheduler, not mapped, "goes with --and"),
     ):
         if value is not None and refused:
@@ -83,13 +80,19 @@ def boundary(
     if (quantity is None) != (level is None):
         raise InputError("level", level, "goes with --quantity; give both or none")
     results = begin()
-    settings = shared.pick(asked, "over", "between", "points", "width")
+    settings: dict[str, Any] = {
+        "over": over.name,
+        "between": over.ends,
+        "points": over.points or SCAN_POINTS,
+    }
+    settings["width"] = asked["width"]
     if quantity is not None:
         settings |= {"quantity": quantity, "level": level}
     else:
         settings |= {"closure": closure or "saltation", "impacts": asked["impacts"]}
-    if mapped:
-        settings |= {"along": along, "reach": asked["reach"], "values": asked["values"]}
+    if along is not None:
+        number = along.points or MAP_VALUES
+        settings |= {"along": along.name, "reach": along.ends, "values": number}
         search: Any = partial(rt.boundary_map, scheduler=scheduler, progress=True)
     else:
         settings |= {"budget": budget}

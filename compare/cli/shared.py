@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from rattle.compare.cli.ranges import RangeType
 from rattle.compare.report.folder import check_free, default_place, name_of, report_files
 from rattle.compare.report.interrupt import stored
 from rattle.compare.report.json_text import json_text
@@ -30,6 +31,7 @@ CLOSURE_NAMES = ("published", "corrected", "saltation", "branching")
 AXIS_NAMES = ("beta", "gap", "sigma", "epsilon")
 # Written out, for --help does not wait for the modules that define them; a test compares them.
 EXIT_NOT_MET = 3  # the accuracy, the width or the requirement that was asked for
+SWEEP_POINTS = 100  # values of a sweep of exponents, where a range does not say how many
 PAPER_SIGMA = 1.5**0.5  # sqrt(alpha) of DAT21
 
 MOST_DIGITS = 60
@@ -116,14 +118,20 @@ def several(option: str, into: str, kind: Any, meaning: str) -> Option:
     )
 
 
-def grid(option: str, default: str | None, meaning: str) -> Option:
-    """An option that takes evenly spaced values."""
-    return click.option(f"--{option}", default=default, metavar="LOW:HIGH:POINTS", help=meaning)
-
-
-def field(meaning: str) -> Option:
-    """The option that names what a sweep varies."""
-    return click.option("--field", default="alpha", metavar="NAME", help=meaning)
+def over(meaning: str, default: str | None = None, only: str = "", option: str = "over") -> Option:
+    """An option that takes the range of a parameter."""
+    into = "along" if option == "and" else option
+    spelling = f"{only or 'NAME'}=LOW:HIGH[:POINTS]"
+    kind = RangeType(only)
+    shown = "[default: " not in meaning
+    return click.option(
+        *(f"--{option}", into),
+        type=kind,
+        default=default,
+        metavar=spelling,
+        help=meaning,
+        show_default=shown,
+    )
 
 
 def closures(meaning: str) -> Option:

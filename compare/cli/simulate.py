@@ -10,8 +10,10 @@ import click
 
 import rattle as rt
 from rattle.compare.cli import shared
+from rattle.compare.cli.ranges import Range
 from rattle.compare.cli.shared import (
     EXIT_NOT_MET,
+    SWEEP_POINTS,
     Begin,
     load_scene,
     say,
@@ -42,6 +44,7 @@ BUDGET = (
     "Processor seconds of the simulation, all threads together; compiling, closures and figures are"
     " not counted. [default: refused above an hour]"
 )
+BIFURCATION_POINTS = 24  # values of a bifurcation diagram, where a range does not say how many
 AN_HOUR = "an hour; beyond it the answer is what 20 s give"
 
 
@@ -223,8 +226,7 @@ def section_table(run: "Ensemble", units: str) -> str:
 @shared.real("budget", BUDGET)
 @shared.closures(COMPARED_HELP)
 @click.option("--no-closures", is_flag=True, help="Compare no closure.")
-@shared.field("Field of the scene, or value of its gears, that --over is of.")
-@shared.grid("over", None, "Draw a bifurcation diagram over these values of a field.")
+@shared.over("Draw a bifurcation diagram over a value of the gears or the scene.")
 @shared.SEED_AND_WORKERS
 @shared.name_option("units", UNITS, JSON_UNITS)
 @shared.report("reports/NAME-stationary", "stationary.page", shared.JSON_ALONE)
@@ -234,9 +236,8 @@ def stationary(
     quantities: tuple[str, ...],
     closures: tuple[str, ...],
     no_closures: bool,
-    over: str | None,
+    over: Range | None,
     units: str | None,
-    field: str,
     seed: int,
     workers: int,
     **settings: Any,
@@ -248,7 +249,7 @@ def stationary(
     Exit codes: 0 done; 2 bad input, or no stationary motion was reached; 3 the budget ended before
     the accuracy was reached.
     """
-    from rattle.compare.chaos.sweep import stationary_bifurcation, values, vary
+    from rattle.compare.chaos.sweep import stationary_bifurcation, vary
     from rattle.compare.stationary.verdicts import CLOSURES_JUDGED
     from rattle.montecarlo.long_run.run import ASKED
 
@@ -261,13 +262,16 @@ def stationary(
         raise InputError("closure", own[0], why)
     if closures and no_closures:
         raise InputError("closure", closures, "is left out by --no-closures; give one of them")
-    at = () if over is None else values("over", over)
-    scenes = vary(base, field, at)
+    field = over.name if over else ""
+    at = over.values(base, BIFURCATION_POINTS) if over else ()
+    scenes = vary(base, field, at) if over else {}
     results = begin()
     names = ("accuracy", "periods", "paths", "burn_in", "slow", "budget")
     settings = shared.pick(settings, *names)
     settings["quantities"] = list(quantities or ASKED)
     settings["closures"] = [] if no_closures else list(closures or CLOSURES_JUDGED)
+    if at:
+        do(f"stationary: bifurcation diagram at {len(at)} values of {field}")
     view = stationary_bifurcation(scenes, field, seed=seed, workers=workers) if at else None
     with shared.estimates_shown():
         found = rt.stationary(base, **settings, rng=seed, workers=workers, progress="stationary")
@@ -280,8 +284,7 @@ def stationary(
 
 @click.command()
 @shared.SCENE_AND_SIGMA
-@shared.field("Field of the scene, or value of its gears, that the sweep varies.")
-@shared.grid("over", "0.05:2.5:100", "Its values.")
+@shared.over("Value of the gears or the scene that is swept.", "alpha=0.05:2.5:100")
 @click.option(
     "--keep-sigma",
     is_flag=True,
@@ -300,7 +303,7 @@ def stationary(
 @shared.SEED_AND_WORKERS
 @shared.report("reports/NAME-chaos", "chaos.page")
 def chaos(
-    base: Scene, begin: Begin, over: str, keep_sigma: bool, no_sweep: bool, **settings: Any
+    base: Scene, begin: Begin, over: Range, keep_sigma: bool, no_sweep: bool, **settings: Any
 ) -> None:
     """Measure Lyapunov exponents, Poincare sections and spectra.
 
@@ -311,10 +314,10 @@ def chaos(
     Exit codes: 0 complete; 2 bad input.
     """
     from rattle.compare.chaos.measure import Effort, study
-    from rattle.compare.chaos.sweep import paper_noise, values, vary
+    from rattle.compare.chaos.sweep import paper_noise, vary
 
-    field = settings["field"]
-    at = () if no_sweep else values("over", over)
+    field = over.name
+    at = () if no_sweep else over.values(base, SWEEP_POINTS)
     noise = None if keep_sigma or field == "sigma" else paper_noise
     scenes = vary(base, field, at, noise) if noise else vary(base, field, at)
     positive("width", settings["width"])
@@ -323,5 +326,6 @@ def chaos(
     effort = Effort(**shared.pick(settings, *Effort._fields))
     found = study(base, scenes, field, effort, say_part, results.cells)
     said = "the scene's" if noise is None else "sqrt(alpha)"
-    answer = results.write(found, scene=base.to_dict(), **settings, over=list(at), noise=said)
+    swept = {"field": field, "over": list(at), "noise": said}
+    answer = results.write(found, scene=base.to_dict(), **settings, **swept)
     results.say(answer)

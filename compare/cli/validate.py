@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from rattle.compare.cli import shared
+from rattle.compare.cli.ranges import Range
 from rattle.compare.cli.shared import (
     EXIT_NOT_MET,
     PAPER_SIGMA,
@@ -40,6 +41,7 @@ BESIDE_HELP = (
 VALIDITY = (
     "Noise intensities of the figure that opens the report, evenly spaced in their logarithm."
 )
+VALIDITY_POINTS = 12
 PAPER_SIGMAS = (0.01, 0.1, PAPER_SIGMA)
 """Noise intensities of the default report on DAT21: two small ones, and the paper's sqrt(alpha)."""
 
@@ -57,7 +59,7 @@ PAPER_SIGMAS = (0.01, 0.1, PAPER_SIGMA)
 @shared.several("beside", "beside", shared.Name("beside", shared.SCHEME_NAMES), BESIDE_HELP)
 @shared.whole("order", 4, "Order of the closures' moments, 2 to 6.")
 @shared.SEED_AND_WORKERS
-@shared.grid("validity", "1e-3:2:12", VALIDITY)
+@shared.over(VALIDITY, "sigma=1e-3:2:12", only="sigma")
 @shared.whole("validity-paths", 40_000, "Simulated paths of each of these.")
 @shared.real("budget", "Core-seconds of counted work for that figure.", 60.0)
 @click.option("--no-validity", is_flag=True, help="Leave that figure out.")
@@ -74,7 +76,7 @@ def validate(
     sigmas: tuple[float, ...],
     beside: tuple[str, ...],
     workers: int,
-    validity: str,
+    over: Range,
     validity_paths: int,
     budget: float,
     no_validity: bool,
@@ -96,7 +98,6 @@ def validate(
     # the scientific stack is imported here, so that --help and wrong options need not wait for it
     from rattle.compare.report import manifest
     from rattle.compare.validation.report_run import HAVE_BIAS, ReportRun, settle
-    from rattle.compare.validation.validate import read_grid
 
     positive("budget", budget)
     recorded = None
@@ -112,7 +113,7 @@ def validate(
         settings = settle(
             name,
             [base.with_sigma(sigma) for sigma in dict.fromkeys(wanted)],
-            validity=() if no_validity else read_grid(validity),
+            validity=() if no_validity else over._replace(log=True).values(base, VALIDITY_POINTS),
             validity_paths=0 if no_validity else count("validity-paths", validity_paths),
             beside=beside or (() if scene else HAVE_BIAS),
             **asked,

@@ -21,7 +21,7 @@ from rattle.compare.report.interrupt import BudgetEnded, stop_after
 from rattle.compare.report.json_text import json_digest
 from rattle.compare.study.cells import Sample
 from rattle.compare.study.estimate import expect_work
-from rattle.compare.study.parameters import Parameter, find_parameter
+from rattle.compare.study.parameters import Parameter, find_parameter, find_range
 from rattle.montecarlo.kernel.blocks import Budget
 from rattle.montecarlo.looks import BUDGET_ENDED, begin_budget
 from rattle.montecarlo.seed import Rng, read_whole_seed
@@ -32,11 +32,9 @@ from rattle.scene.progress import ProgressBar
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-SIGMA_RANGE = (1e-3, 2.0)  # where the noise intensity is searched by default
 MOMENT_ORDER = 4  # of the closures' moments
 BOUNDARY_IMPACTS = 12  # that must be accurate, by default
 SCAN_POINTS = 8  # values of the scan, by default
-AROUND = 4.0  # other parameters: from a fourth of their value to four times it
 
 
 @numpy_defaults
@@ -253,31 +251,3 @@ def check_search(
         raise InputError("width", width, "must be below 1")
     parameter = find_parameter(scene, over)
     return parameter, *find_range(parameter, between), begin_budget(budget)
-
-
-def find_range(
-    parameter: Parameter,
-    between: Sequence[float] | None,
-    name: str = "between",
-    around: float = AROUND,
-) -> tuple[float, float]:
-    """The range of a search; both ends are values that a scene can have."""
-    over = parameter.name
-    value = parameter.value
-    ends = between or (SIGMA_RANGE if over == "sigma" else (value / around, value * around))
-    if between is None and over != "sigma" and not value > 0.0:
-        raise InputError(name, None, f"give a range: {over} is {value:.4g} in this scene")
-    low, high = ends
-    if not positive(name, low) < positive(name, high):
-        raise InputError(name, (low, high), "give a smaller and a larger value")
-    possible = []
-    for end in ends:
-        try:
-            parameter.scene_at(end)
-        except InputError as error:
-            if between is not None:
-                why = f"no scene can have {over} = {end:.4g} ({error})"
-                raise InputError(name, end, why) from None
-            end = value
-        possible.append(end)
-    return possible[0], possible[1]

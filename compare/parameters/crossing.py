@@ -15,7 +15,7 @@ from rattle.compare.engine.run import Runner
 from rattle.compare.engine.store import open_store
 from rattle.compare.judge.verdict import Verdict
 from rattle.compare.parameters.boundary import check_search, seed_of
-from rattle.compare.parameters.finding import AlongParameter, same_speed, with_unit
+from rattle.compare.parameters.finding import AlongParameter, with_unit
 from rattle.compare.parameters.search import MOST_VALUES, find_changes, state_effort
 from rattle.compare.stationary.result import unit_of
 from rattle.compare.stationary.study import LongCell, LongResult
@@ -26,6 +26,7 @@ from rattle.montecarlo.looks import Looks
 from rattle.montecarlo.seed import Rng, read_whole_seed
 from rattle.montecarlo.statistics.intervals import half_width, tail_of
 from rattle.scene import InputError, Scene, choice, positive
+from rattle.scene.changes import same_speed
 from rattle.scene.numpy_errors import numpy_defaults
 from rattle.scene.progress import ProgressBar, do
 

@@ -8,8 +8,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from rattle.compare.judge.verdict import DECIDED, Verdict
-from rattle.compare.parameters.finding import AlongParameter, quantity_words, with_unit
-from rattle.compare.report.style import legend_above, new_figure
+from rattle.compare.parameters.finding import AlongParameter, quantity_words
+from rattle.compare.report.style import axis_label, legend_above, new_figure
 from rattle.compare.study.parameters import PERCENT
 
 COLOURS: dict[str, str] = {
@@ -60,11 +60,11 @@ def _draw_search(
         ax.errorbar(rows["value"], rows[column], yerr=ends, label=str(verdict), **style)
     for edge in found.edges:
         ax.axvspan(*sorted(edge[:2]), color="0.5", alpha=0.3, lw=0, label=shaded)
-    ax.set(xscale="log", xlabel=with_unit(found.over, found.unit))
+    ax.set(xscale="log", xlabel=axis_label(found.over))
     return figure, ax
 
 
-def map_figure(curve: pd.DataFrame, points: pd.DataFrame, across: str, up: str) -> Figure:
+def map_figure(curve: pd.DataFrame, points: pd.DataFrame, along: str, over: str) -> Figure:
     """Draw a bar at each value of the second parameter: accurate, wrong, or in between; markers at
     the edges."""
     figure, (ax,) = new_figure(7.4, 4.2, 1, 1)
@@ -97,8 +97,8 @@ def map_figure(curve: pd.DataFrame, points: pd.DataFrame, across: str, up: str) 
     ax.set(
         xscale="log" if ends[-1] > 4.0 * ends[0] else "linear",
         yscale="log",
-        xlabel=across,
-        ylabel=up,
+        xlabel=axis_label(along),
+        ylabel=axis_label(over),
     )
     ax.set_xticks([], minor=True)
     ax.set_xticks(places, [f"{place:.3g}" for place in places])

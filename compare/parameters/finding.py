@@ -7,7 +7,7 @@ import pandas as pd
 
 from rattle.compare.judge.verdict import Verdict
 from rattle.compare.report.texts import read_texts
-from rattle.scene import Scene, as_html
+from rattle.scene import as_html
 from rattle.scene.numpy_errors import numpy_defaults
 
 PARAMETER_TEXTS = read_texts("parameters")
@@ -44,13 +44,6 @@ def by_error(rows: pd.DataFrame) -> pd.DataFrame:
     """Rows with a verdict, the largest error over its tolerance first."""
     excess = rows["error"].abs() / rows["tolerance"]
     return rows.loc[excess.sort_values(ascending=False, kind="stable").index]
-
-
-def same_speed(slow: float, scene: Scene, changed: Scene) -> float:
-    """A dimensionless speed of a scene in a changed one: of gears it stays the same in mm/s."""
-    if scene.gears is None or changed.gears is None:
-        return slow
-    return slow * (scene.gears.units.speed / changed.gears.units.speed)
 
 
 @numpy_defaults

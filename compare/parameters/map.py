@@ -20,7 +20,6 @@ from rattle.compare.parameters.boundary import (
     BOUNDARY_IMPACTS,
     SCAN_POINTS,
     boundary,
-    find_range,
     state_effort,
 )
 from rattle.compare.parameters.finding import (
@@ -28,10 +27,9 @@ from rattle.compare.parameters.finding import (
     Finding,
     after_number,
     list_values,
-    with_unit,
 )
 from rattle.compare.parameters.search import Edge
-from rattle.compare.study.parameters import find_parameter
+from rattle.compare.study.parameters import find_parameter, find_range
 from rattle.montecarlo.kernel.blocks import Blocks
 from rattle.montecarlo.seed import read_whole_seed
 from rattle.scene import InputError, RattleError, Scene, check_keys, check_scene, count
@@ -189,8 +187,7 @@ class BoundaryMap(Finding):
         """
         from rattle.compare.parameters.figures import map_figure
 
-        up, across = map(with_unit, (self.over, self.along), self.units)
-        return map_figure(self.curve, self.points, across, up)
+        return map_figure(self.curve, self.points, self.along, self.over)
 
 
 @numpy_defaults
@@ -269,7 +266,7 @@ def boundary_map(
     first = find_parameter(scene, over)
     second = find_parameter(scene, along, "along")
     between = settings.get("between")
-    low, high = find_range(second, reach, "reach", 2.0)
+    low, high = find_range(second, reach, 2.0)
     grid = np.geomspace(low, high, count("values", values, least=2))
     at = [float(f"{value:.6g}") for value in grid]
     scenes = [second.scene_at(value) for value in at]

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 import pandas as pd
 
-from rattle.compare.parameters.finding import Finding, quantity_words, same_speed, value_text
+from rattle.compare.parameters.finding import Finding, quantity_words, value_text
 from rattle.compare.stationary.measure import stationary
 from rattle.compare.stationary.result import unit_of
 from rattle.compare.study.parameters import (
@@ -20,7 +20,7 @@ from rattle.compare.study.parameters import (
     RELATIVE_CHANGES,
     Parameter,
     choose_parameters,
-    find_parameters,
+    find_parameter,
 )
 from rattle.montecarlo.long_run import expect_run
 from rattle.montecarlo.long_run.estimates import all_names
@@ -38,6 +38,7 @@ from rattle.scene import (
     duration_text,
     positive,
 )
+from rattle.scene.changes import same_speed
 from rattle.scene.numpy_errors import numpy_defaults
 from rattle.scene.progress import ESTIMATES, ProgressBar, do
 
@@ -108,7 +109,6 @@ class Sensitivity(Finding):
     @property
     def answer(self) -> list[str]:
         """The strongest lever of each quantity, a sentence each, and what was simulated."""
-        known = find_parameters(self.scene)
         said = []
         for quantity, rows in self.table.dropna(subset="effect").groupby("quantity", sort=False):
             row = rows.iloc[int(rows["effect"].abs().argmax())]
@@ -116,7 +116,7 @@ class Sensitivity(Finding):
             if not (row["low"] > 0.0 or row["high"] < 0.0):
                 said.append(f"For {words} no effect is larger than its error.")
                 continue
-            lever = _effect_words(known[row["parameter"]], row)
+            lever = _effect_words(find_parameter(self.scene, row["parameter"]), row)
             the = "" if lever.startswith("`") else "the "  # a field, or a parameter of the gears
             now = value_text(*self.values.loc[str(quantity), ["value", "unit"]])
             said.append(f"The strongest lever on {words} (now {now}) is {the}{lever}.")
@@ -359,7 +359,8 @@ def _effects(
                 remark = "no such impacts"
             effect = {} if remark else _effect(values, len(chosen) * len(asked))
             place = {"quantity": quantity, "parameter": name}
-            rows.append(place | parameter._asdict() | effect | {"remark": remark})
+            now = {"value": parameter.value, "unit": parameter.unit}
+            rows.append(place | now | effect | {"remark": remark})
     numbers = ["effect", "se", "low", "high", "small_step", "large_step"]
     columns = ["quantity", "parameter", "value", "unit", *numbers, "linear", "gain", "remark"]
     return pd.DataFrame(rows, columns=columns).astype(dict.fromkeys([*numbers, "gain"], float))

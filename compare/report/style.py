@@ -13,6 +13,7 @@ from matplotlib.ticker import MaxNLocator
 
 from rattle.closure import CLOSURES
 from rattle.scene import STATE
+from rattle.scene.changes import unit_of_value, words_of_value
 from rattle.scene.plot import ShownFigure
 
 OWN_COLORS = ("#882255", "#332288", "#999933", "#117733", "#AA4499", "#661100")
@@ -43,10 +44,32 @@ FORBIDDEN = "#CC79A7"
 SYMBOL = {"tau": r"$\tau$", "flight": r"$\Delta\tau$", "rho1": r"$\rho_1$", "rho2": r"$\rho_2$"}
 SYMBOL |= {name: f"${name[0]}_{name[1]}$" for name in STATE}
 
+VALUE_LABELS = {
+    "alpha": r"excitation amplitude $\alpha$",
+    "sigma": r"noise intensity $\sigma$",
+    "epsilon": r"restitution $\varepsilon$",
+    "mu": r"mass ratio $\mu$",
+    "beta1": r"damping of stage 1 $\beta_1$ ($\omega$)",
+    "beta2": r"damping of stage 2 $\beta_2$ ($\omega$)",
+    "gamma1": r"drag of stage 1 $\gamma_1$ ($\nu_1\omega^2$)",
+    "gamma2": r"drag of stage 2 $\gamma_2$ ($\nu_1\omega^2$)",
+    "gap1": r"half gap of stage 1 $g_1$ ($\nu_1$)",
+    "gap2": r"half gap of stage 2 $g_2$ ($\nu_1$)",
+    "correlation_time": r"correlation time $\theta$ ($1/\omega$)",
+}
+"""Axis labels of the values that have a symbol."""
+
 FIGURE_SETTINGS: Any = mpl.rc_params_from_file(
     str(files("rattle.compare.report") / "templates" / "figures.mplstyle"),
     use_default_template=False,
 )
+
+
+def axis_label(name: str) -> str:
+    """Axis label of a value of a scene or of its gears, with its unit."""
+    words = words_of_value(name) or name
+    unit = unit_of_value(name)
+    return VALUE_LABELS.get(name, f"{words}, {unit}" if unit else words)
 
 
 def new_figure(width: float, height: float, rows: int, columns: int) -> tuple[Figure, list[Axes]]:

@@ -15,7 +15,7 @@ from rattle.compare.report.table import NO_VALUE, Table
 from rattle.compare.report.texts import CLOSURE_TERMS, VERDICT_TERMS, glossary
 from rattle.compare.stationary.result import LEAST_EFFECTIVE, Stationary, speed_text
 from rattle.compare.stationary.verdicts import STATIONARY_TEXTS, TOLERANCES
-from rattle.scene.gear_values import UNIT_VALUES
+from rattle.scene.changes import UNIT_VALUES
 from rattle.scene.text import number_text, percent
 from rattle.scene.threshold import rattle_threshold
 

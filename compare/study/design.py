@@ -1,13 +1,11 @@
 """The design of a study: a scene, axes and settings; its kind says what is computed at each point
 of the grid."""
 
-import copy
 import hashlib
 import math
 import random
-import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass
 from functools import cached_property
 from importlib import import_module
 from pathlib import Path
@@ -24,8 +22,6 @@ from rattle.scene import (
     Gears,
     InputError,
     Scene,
-    Start,
-    Tolerance,
     check_keys,
     choice,
     count,
@@ -33,30 +29,17 @@ from rattle.scene import (
     nearest,
     positive,
 )
+from rattle.scene.changes import ORDER_FIELD, SCENE_FIELDS, UNIT_VALUES, change
 from rattle.scene.files import in_file, read_text, read_toml
-from rattle.scene.gear_values import UNIT_VALUES, scene_with, values_of
-from rattle.scene.gears import SPEEDS
-from rattle.scene.gears_input import check_plausible
+from rattle.scene.gears import check_typed, values_of
+from rattle.scene.gears_input import GEAR_FIELDS, OPTIONAL, check_plausible
 from rattle.scene.numpy_errors import numpy_defaults
 
 SETTING_NAMES = ("scheme", "paths", "accuracy", "dt", "seed")
 """Settings of the simulation that an axis may vary, in addition to the fields of the scene."""
 
-SCENE_PARTS = {"tolerance": Tolerance, "start": Start}
-SCENE_FIELDS = tuple(
-    [f.name for f in fields(Scene) if f.name not in (*SCENE_PARTS, "gears", "drive")]
-    + [f"{part}.{f.name}" for part, kind in SCENE_PARTS.items() for f in fields(kind)]
-)
+GEAR_NAMES = (*GEAR_FIELDS, *OPTIONAL)
 VARIABLE = (*SCENE_FIELDS, *SETTING_NAMES)
-GEAR_VALUES = (
-    "amplitude",
-    "driver_radius",
-    *SPEEDS,
-    *(f.name for f in fields(Gears) if f.name not in SCENE_FIELDS),
-)
-"""Values of gears that no field of the scene is named like."""
-ORDER_FIELD = re.compile(r"drive\.([1-9][0-9]*)\.(amplitude|phase)")
-"""A field of one order of the drive, such as ``drive.2.amplitude``."""
 MOST_GRID_POINTS = 100_000  # largest number of grid points of a study
 AXIS_EXAMPLE = "write { log = [0.001, 2.0, 24] }, { linear = [0.5, 1.5, 11] } or a list of values"
 
@@ -95,7 +78,9 @@ def read_axes(tables: Sequence[Mapping[str, Any]], gears: Gears | None = None) -
         for name in table:
             if name not in valid and not ORDER_FIELD.fullmatch(name):
                 why = f"no field of a scene or a simulation; {nearest(name, valid)}"
-                if gears is None and name in GEAR_VALUES:
+                if gears is not None:
+                    check_typed(gears, name, "axes")
+                elif name in GEAR_NAMES:
                     why = (
                         "a value of gears, which this study has not; write [gears], or vary one of"
                         " [scene]"
@@ -216,9 +201,8 @@ class Study:
 
     Parameters
     ----------
-    base : dict
-        The scene as `Scene.to_dict` gives it, its drive within; without ``start`` if the default
-        start is to follow the gaps.
+    scene : Scene
+        The scene of which some values vary; all others stay as they were typed.
     axes : tuple of Axis
     closures : tuple of str, Closure or callable
         Names in `rattle.closure.CLOSURES`, ``package.module:function``, or functions ``(scene,
@@ -241,8 +225,6 @@ class Study:
     title : str
     text : str
         Content of the file that the study was read from.
-    gears : Gears or None
-        Those of its scene, in whose units the page explains what it shows.
     kind : str
         ``impacts``, or ``stationary`` for studies of the long run.
 
@@ -266,7 +248,7 @@ class Study:
     [0.01, 0.0316228, 0.1]
     """
 
-    base: Facts
+    scene: Scene
     axes: tuple[Axis, ...]
     closures: tuple[str | Closure | Callable[..., Any], ...]
     impacts: int
@@ -278,7 +260,6 @@ class Study:
     near_branches: bool = False
     title: str = "study"
     text: str = ""
-    gears: Gears | None = None
     kind: str = "impacts"
 
     def __repr__(self) -> str:
@@ -314,8 +295,8 @@ class Study:
         text = read_text("study file", path)
         with in_file(path, text):
             study = cls.from_toml(text)
-            if study.gears is not None:
-                check_plausible(study.gears, read_toml(text)["gears"])
+            if study.scene.gears is not None:
+                check_plausible(study.scene.gears, read_toml(text)["gears"])
         return study
 
     @classmethod
@@ -348,11 +329,10 @@ class Study:
         scene = Scene.from_dict(parts)
         axes = read_axes(data.get("axes", []), scene.gears)
         return cls(
-            base=table_of(scene, "start" in parts.get("scene", {})),
+            scene=scene,
             axes=axes,
             title=str(given.get("title", kind.TITLE)),
             text=text,
-            gears=scene.gears,
             kind=name,
             **kind.read(given, {field for axis in axes for field in axis.names}),
         )
@@ -436,21 +416,17 @@ class Study:
     @property
     def shown_gears(self) -> Gears | None:
         """The gears in whose units the study is explained; None where these vary along an axis."""
-        return None if set(UNIT_VALUES) & set(self.names) else self.gears
+        return None if set(UNIT_VALUES) & set(self.names) else self.scene.gears
 
     def _point(self, number: int) -> Point:
         """One point of the grid by its index."""
         coordinates = combination(self.axes, number)
-        gears = {name: value for name, value in coordinates.items() if name in GEAR_VALUES}
-        base = self.base
+        varied = {name: value for name, value in coordinates.items() if name in SETTING_NAMES}
+        changes = {name: value for name, value in coordinates.items() if name not in varied}
         try:
-            if gears:  # the parameters that follow from them
-                scene = replace(make_scene(base, {}), gears=self.gears)
-                base = table_of(scene_with(scene, gears), "start" in base)
-            scene = make_scene(base, coordinates)
+            scene = change(self.scene, changes)
         except InputError as error:
             return Point(coordinates, None, (), {"scene": str(error)})
-        varied = {name: value for name, value in coordinates.items() if name in SETTING_NAMES}
         return Point(coordinates, *kind_of(self.kind).cells(self, scene, self.settings | varied))
 
 
@@ -496,35 +472,3 @@ def join_points(tables: Iterable[Placed], columns: Sequence[str] = ()) -> pd.Dat
     columns."""
     parts = [with_coordinates(coordinates, table) for coordinates, table in tables]
     return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame(columns=[*columns])
-
-
-def table_of(scene: Scene, own_start: bool = True) -> Facts:
-    """A scene as one table, its drive within, without the gears: an axis may vary what they fix.
-
-    Without a start of its own, that of the paper follows the gaps.
-    """
-    whole = replace(scene, gears=None).to_dict()
-    table: Facts = whole.pop("scene") | whole
-    if not own_start:
-        table.pop("start", None)
-    return table
-
-
-def make_scene(base: Facts, coordinates: Coordinates) -> Scene:
-    """The scene of such a table with values replaced; a dotted name is a field of a nested
-    table."""
-    table = copy.deepcopy(base)
-    for name, value in coordinates.items():
-        part, _, field = name.partition(".")
-        if order := ORDER_FIELD.fullmatch(name):
-            number = int(order[1])
-            drive = table.get("drive", [{"order": 1, "amplitude": 1.0}])
-            orders = {one["order"]: one for one in drive}
-            orders.setdefault(number, {"order": number, "amplitude": 0.0})[order[2]] = value
-            table["drive"] = [*orders.values()]
-        elif field:
-            table.setdefault(part, {})[field] = value
-        elif name not in (*SETTING_NAMES, *GEAR_VALUES):
-            table[name] = value
-    drive = {name: table.pop(name) for name in ("drive",) if name in table}
-    return Scene.from_dict(drive | {"scene": table})

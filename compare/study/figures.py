@@ -12,15 +12,16 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
 
 from rattle.compare.judge.verdict import ACCURATE_UP_TO, ENDED, NOT_WRONG, WRONG, Verdict, want
-from rattle.compare.report.style import STYLE, SYMBOL, legend_above, new_figure, whole_impacts
+from rattle.compare.report.style import (
+    STYLE,
+    SYMBOL,
+    axis_label,
+    legend_above,
+    new_figure,
+    whole_impacts,
+)
 from rattle.compare.study.design import Placed, Study
 
-GREEK = {
-    "sigma": r"noise intensity $\sigma$",
-    "alpha": r"excitation $\alpha$",
-    "epsilon": r"restitution $\varepsilon$",
-    "correlation_time": r"correlation time $\theta$ ($1/\omega$)",
-}
 IMPACT_COLOURS = ("#440154", "#31688E", "#35B779", "#C7B700")
 """Line colours of up to four impacts, in order (from viridis)."""
 MOMENT_STYLE: Any = {
@@ -29,11 +30,6 @@ MOMENT_STYLE: Any = {
 }
 BAND = 0.2  # opacity of an interval
 FLOOR = 1e-4  # lower end of a logarithmic error axis, in sds
-
-
-def axis_label(name: str) -> str:
-    """Axis label of a field."""
-    return GREEK.get(name, name)
 
 
 def _pick_impacts(impacts: int) -> list[int]:

@@ -1,120 +1,105 @@
 """The parameters of a scene that can be changed one at a time: of its gears, or of the model where
 it has none."""
 
-from collections.abc import Callable, Iterable
-from dataclasses import replace
-from typing import Any, NamedTuple
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 
-from rattle.compare.study.design import ORDER_FIELD, SCENE_FIELDS, make_scene, table_of
-from rattle.scene import Scene, choice
-from rattle.scene.gear_values import has_own_start, is_value, scene_with, values_of
-from rattle.scene.gears_input import UNIT
+from rattle.scene import InputError, Scene, positive
+from rattle.scene.changes import SECOND, change, find_value, unit_of_value, words_of_value
+from rattle.scene.gears import DRIVES, values_of
 from rattle.scene.parts import SINE_ALONE
 from rattle.scene.scene import SWEPT
 from rattle.scene.text import percent
 
+SIGMA_RANGE = (1e-3, 2.0)  # where the noise intensity is searched by default
+AROUND = 4.0  # other parameters: from a fourth of their value to four times it
 CHANGE = 0.01  # the change of a parameter that effects are stated for
 PERCENT = percent(CHANGE)
 # relative changes of a parameter at which the motion is simulated, up and down
 RELATIVE_CHANGES = (0.02, 0.04)
-# not of a single stage
-SECOND = ("beta2", "gamma2", "mu", "gap2", "start.x2", "start.y2", "tolerance.c2_max")
-NOT_REAL = ("stages", "start.mesh", "tolerance.distribution", "tolerance.draw")
-PARAMETER_WORDS = {
-    "amplitude": "amplitude of the drive",
-    "omega": "frequency of the drive",
-    "epsilon": "restitution",
-    "inertia": "inertia of wheel {}",
-    "radius": "radius of wheel {}",
-    "backlash": "backlash at mesh {}",
-    "damping": "damping of wheel {}",
-    "torque": "drag torque on wheel {}",
-    "driver_radius": "radius of the driver",
-    "speed_rpm": "mean speed of the driver",
-    "speed_rad_s": "mean speed of the driver",
-    "sigma": "noise intensity",
-    "correlation_time": "correlation time of the noise",
-}
 
 
-class Parameter(NamedTuple):
+@dataclass(frozen=True)
+class Parameter:
     """A parameter of a scene with its value, and the scenes in which it alone is another."""
 
+    scene: Scene
     name: str
     value: float
-    unit: str  # empty for one without a dimension
-    # from the value; raises InputError where a scene cannot have it
-    scene_at: Callable[[float], Scene]
+
+    @property
+    def unit(self) -> str:
+        """Its unit; empty for one without a dimension."""
+        return unit_of_value(self.name)
 
     @property
     def words(self) -> str:
         """What it is, in words."""
-        if self.name.startswith("drive."):
-            return f"order {self.name.split('.')[1]} of the drive"
-        words = PARAMETER_WORDS.get(self.name.rstrip("12"))
-        return words.format(self.name[-1]) if words else f"`{self.name}`"
+        return words_of_value(self.name) or f"`{self.name}`"
+
+    def scene_at(self, value: float) -> Scene:
+        """The scene with another value of it; refused where a scene cannot have it."""
+        return change(self.scene, {self.name: value})
 
 
-def find_parameters(scene: Scene, absent: bool = False) -> dict[str, Parameter]:
-    """All parameters of a scene that are not 0, by name; with `absent` also those that are 0.
+def find_parameters(scene: Scene) -> dict[str, Parameter]:
+    """All parameters of a scene that are not 0, by name.
 
     Those of gears are the values in physical units; the drive is its amplitude in mm, which stays
     as it is while a backlash is changed, and so do tolerances in mm.  The amplitudes of several
     orders are relative to it.  The noise intensity `sigma` is one of them and stays as it is while
     the others are changed.
     """
-    gears = scene.gears
-    if gears is None:
-        values = {
-            name: getattr(scene, name) for name in SWEPT if scene.stages == 2 or name not in SECOND
-        }
+    if scene.gears is None:
+        names = [name for name in SWEPT if scene.stages == 2 or name not in SECOND]
     else:
-        values = values_of(gears)
-        if scene.stages == 1:
-            values = {name: value for name, value in values.items() if name[-1] != "2"}
-    values |= {"sigma": scene.sigma, "correlation_time": scene.correlation_time}
-    if absent or scene.drive != SINE_ALONE:
-        values |= {f"drive.{one.order}.amplitude": one.amplitude for one in scene.drive}
-    return {
-        name: Parameter(
-            name, value, "" if gears is None else UNIT.get(name.rstrip("12"), ""), _at(scene, name)
-        )
-        for name, value in values.items()
-        if absent or value != 0.0
-    }
+        others = [name for name in values_of(scene.gears) if name not in DRIVES]
+        names = ["amplitude", *(n for n in others if scene.stages == 2 or n[-1] != "2")]
+    names += ["sigma"] if scene.gears is not None else []
+    names += ["correlation_time"]
+    if scene.drive != SINE_ALONE:
+        names += [f"drive.{one.order}.amplitude" for one in scene.drive]
+    known = (find_parameter(scene, name) for name in names)
+    return {parameter.name: parameter for parameter in known if parameter.value != 0.0}
 
 
 def choose_parameters(scene: Scene, names: Iterable[str] | None) -> dict[str, Parameter]:
     """The parameters of some names, all that are not 0 by default."""
-    known = find_parameters(scene)
-    chosen = known if names is None else names
-    return {name: known[choice("parameters", name, known)] for name in chosen}
+    if names is None:
+        return find_parameters(scene)
+    chosen = {name: find_parameter(scene, name, "parameters") for name in names}
+    for name, parameter in chosen.items():
+        if parameter.value == 0.0:
+            why = f"is 0 in this scene, so {PERCENT} more of it changes nothing"
+            raise InputError("parameters", name, why)
+    return chosen
 
 
 def find_parameter(scene: Scene, name: str, asked: str = "over") -> Parameter:
     """A parameter, or any other number of the scene, such as ``correlation_time``, ``start.y1``,
     ``drive.2.phase``."""
-    known = find_parameters(scene, absent=True)
-    if name in known:
-        return known[name]
-    if not ORDER_FIELD.fullmatch(name):
-        missing = (*known, *NOT_REAL, *(SECOND if scene.stages == 1 else ()))
-        choice(asked, name, [*known, *(other for other in SCENE_FIELDS if other not in missing)])
-    value: Any = scene
-    for field in name.split("."):
-        value = getattr(value, field, 0.0)
-    phases = {f"drive.{one.order}.phase": one.phase for one in scene.drive}
-    return Parameter(name, phases.get(name, value), "", _at(scene, name))
+    return Parameter(scene, name, find_value(scene, name, asked))
 
 
-def _at(scene: Scene, name: str) -> Callable[[float], Scene]:
-    """The scene as a function of one of its parameters."""
-    base = table_of(scene, own_start=not name.startswith("gap") or has_own_start(scene))
-
-    def changed(value: float) -> Scene:
-        """The scene with this value of the parameter."""
-        if is_value(name, scene.gears):
-            return scene_with(scene, {name: value})
-        return replace(make_scene(base, {name: value}), gears=scene.gears)
-
-    return changed
+def find_range(
+    parameter: Parameter, between: Sequence[float] | None, around: float = AROUND
+) -> tuple[float, float]:
+    """The range of a search; both ends are values that a scene can have."""
+    over = parameter.name
+    value = parameter.value
+    ends = between or (SIGMA_RANGE if over == "sigma" else (value / around, value * around))
+    if between is None and over != "sigma" and not value > 0.0:
+        raise InputError(over, value, "is not above 0 in this scene: give a range")
+    low, high = ends
+    if not positive(f"{over} LOW", low) < positive(f"{over} HIGH", high):
+        raise InputError(f"{over} HIGH", high, f"must be greater than LOW = {low:g}")
+    possible = []
+    for end in ends:
+        try:
+            parameter.scene_at(end)
+        except InputError as error:
+            if between is not None:
+                raise InputError(over, end, f"no scene can have it ({error})") from None
+            end = value
+        possible.append(end)
+    return possible[0], possible[1]

@@ -37,8 +37,6 @@ from rattle.scene import (
     check_scene,
     choice,
     compile_ahead,
-    count,
-    positive,
 )
 from rattle.scene.numpy_errors import numpy_defaults
 from rattle.scene.progress import ProgressBar
@@ -227,7 +225,6 @@ def _last_impact(scene: Scene, **settings: Any) -> float:
     return float(min(horizon, math.inf if math.isnan(latest) else latest))
 
 
-EXAMPLE = "1e-3:2:12"
 SCHEME_COLUMNS = [
     "sigma",
     "method",
@@ -243,27 +240,6 @@ BESIDE_PATHS = 32_768  # of each scheme that is shown beside the simulation
 DEFAULT_SCHEME = "exact-flight"
 """Has no step bias, which would exceed the tolerances at small sigma, as they are shares of the
 sds."""
-
-
-def read_grid(text: str) -> tuple[float, ...]:
-    """Noise intensities from ``LOW:HIGH:POINTS``, evenly spaced in their logarithm, rounded to
-    three digits."""
-    try:
-        first, last, number = text.split(":")
-        low = float(first)
-        high = float(last)
-        points = int(number)
-    except ValueError:
-        raise InputError("validity", text, f"give LOW:HIGH:POINTS, as in {EXAMPLE}") from None
-    positive("validity LOW", low)
-    if positive("validity HIGH", high) <= low:
-        raise InputError("validity HIGH", high, f"must be greater than LOW = {low:g}")
-    count("validity POINTS", points, least=2)
-    found = tuple(float(f"{s:.3g}") for s in np.geomspace(low, high, points))
-    if len(set(found)) < points:
-        why = f"cannot be told apart by three digits between {low:g} and {high:g}; take fewer"
-        raise InputError("validity POINTS", points, why)
-    return found
 
 
 def check_sweep(scene: Scene, sigmas: Sequence[float], **settings: Any) -> None:

@@ -12,7 +12,7 @@ def validated(tmp_path_factory):
     out = tmp_path_factory.mktemp("reports") / "small"
     rattle(
         "validate --sigma 0.1 --sigma 1.0 --seed 5 --paths 600 --impacts 3 --dt 0.01"
-        f" --validity 0.01:1:3 --validity-paths 600 --out {out}"
+        f" --over sigma=0.01:1:3 --validity-paths 600 --out {out}"
     )
     return out
 

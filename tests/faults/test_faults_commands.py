@@ -196,7 +196,7 @@ def test_an_interrupted_study_says_what_is_stored(function, said, tmp_path):
 
 def test_an_interrupted_search_says_what_is_stored(tmp_path):
     """Cells that are kept beside the folder of the report; without a folder nothing is kept."""
-    words = "boundary --impacts 1 --points 2 --width 0.9 --between 0.01 0.02"
+    words = "boundary --impacts 1 --width 0.9 --over sigma=0.01:0.02:2"
     said = interrupt("compare.parameters.page.make_report", f"{words} --out b", tmp_path)
     stored = len(list((tmp_path / "b-cells").glob("*.parquet")))
     assert stored

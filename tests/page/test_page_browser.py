@@ -36,7 +36,7 @@ def nasty(tmp_path_factory):
 def report(tmp_path_factory):
     """A report of the command itself."""
     out = tmp_path_factory.mktemp("report") / "r"
-    words = "--sigma 0.1 --paths 600 --impacts 3 --dt 0.01 --validity 0.01:1:2"
+    words = "--sigma 0.1 --paths 600 --impacts 3 --dt 0.01 --over sigma=0.01:1:2"
     rattle(f"validate {words} --validity-paths 600 --out {out}")
     return out / "report.html"
 

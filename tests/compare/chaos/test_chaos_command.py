@@ -19,7 +19,7 @@ SMALL = "chaos --points 2000 --impacts 40000 --events 300 --width 0.2"
 @pytest.mark.slow
 def test_a_folder_of_chaos_is_whole_and_said_in_a_few_lines(tmp_path):
     out = tmp_path / "chaos"
-    done = rattle(f"{SMALL} --over 0.3:1.5:3 --out {out}")
+    done = rattle(f"{SMALL} --over alpha=0.3:1.5:3 --out {out}")
     assert {path.name for path in out.iterdir()} == set(FILES.split())
     assert all(path.stat().st_size < 300_000 for path in out.glob("*.svg"))
     assert (out / "section.svg").read_text().count("<path") <= 2000  # densities are images

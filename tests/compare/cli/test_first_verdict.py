@@ -11,7 +11,7 @@ from commands import rattle
 from rattle import DAT21, Scene, validate
 
 SWEPT = (
-    "validate --sigma 0.1 --paths 600 --impacts 2 --closure saltation --validity 1e-3:1:5"
+    "validate --sigma 0.1 --paths 600 --impacts 2 --closure saltation --over sigma=1e-3:1:5"
     " --validity-paths 600"
 )
 
@@ -27,7 +27,7 @@ def test_an_interrupt_of_the_sweep_leaves_a_whole_page_that_says_what_is_missing
 
     monkeypatch.setattr("rattle.compare.validation.report_run.sweep", stop)
     out = tmp_path / "report"
-    short = SWEPT.replace("--validity 1e-3:1:5", "--no-validity")
+    short = SWEPT.replace("--over sigma=1e-3:1:5", "--no-validity")
     rattle(f"{short} --sigma 0.5 --out {out}")
     done = rattle(f"{SWEPT} --overwrite --out {out}", code=130)
     assert done.stdout.startswith("For this gear pair")

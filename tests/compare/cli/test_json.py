@@ -28,7 +28,7 @@ SMALL = {
     "check extremes": "",
     "drive": f"{ROOT / 'examples' / 'measured-drive.toml'} --out out",
     "judge": "predicted.csv samples.csv --out out",
-    "boundary": "--impacts 1 --points 2 --width 0.9 --out out",
+    "boundary": "--impacts 1 --over sigma=0.001:2:2 --width 0.9 --out out",
     "sensitivity": "scene.toml --parameter epsilon --quantity power --accuracy 1 --out out",
     "stationary": "scene.toml --paths 64 --periods 64 --out out",
 }

@@ -15,14 +15,14 @@ from commands import commands, rattle, study
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rattle import DAT21, Scene, boundary, simulate
+from rattle import DAT21, Scene, boundary, boundary_map, simulate
 from rattle.closure import CLOSURES
 from rattle.compare.checks.stability.chart import AXES
 from rattle.compare.cli.main import main
 from rattle.compare.cli.shared import say
-from rattle.compare.parameters.boundary import SIGMA_RANGE
 from rattle.compare.parameters.sensitivity import default_quantities
 from rattle.compare.stationary.verdicts import CLOSURES_JUDGED
+from rattle.compare.study.parameters import SIGMA_RANGE
 from rattle.compare.tradeoff.measure import ACCURACIES
 from rattle.montecarlo import SCHEMES, default_step
 from rattle.montecarlo.accuracy.simulate_to import INSTEAD
@@ -116,10 +116,17 @@ def test_commands_name_files_and_studies_on_one_line(tmp_path, name):
 STEP = (
     f"the scheme's, {default_step(Scene.from_gears(DAT21), 'euler-maruyama'):g} for Euler-Maruyama"
 )
+DEFAULTS = signature(boundary).parameters
 REAL = {
     "animate --sigma": "the scene's; 0.1 on DAT21",
-    "boundary --closure": signature(boundary).parameters["closure"].default,
-    "boundary --between": f"{SIGMA_RANGE[0]:g} {SIGMA_RANGE[1]:g} for sigma",
+    "boundary --closure": DEFAULTS["closure"].default,
+    "boundary --over": (
+        f"sigma={SIGMA_RANGE[0]:g}:{SIGMA_RANGE[1]:g}:{DEFAULTS['points'].default}; a fourth of"
+        " another's value to four times it"
+    ),
+    "boundary --and": (
+        f"half its value to twice it, {signature(boundary_map).parameters['values'].default} values"
+    ),
     "claims --sigma": "0.01, 0.1",
     "simulate --accuracy": "0.01",
     "simulate --dt": STEP,

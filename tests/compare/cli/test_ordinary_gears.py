@@ -11,8 +11,8 @@ EXAMPLES = HERE.parents[2] / "examples"
 SMALL = {
     "animate": "--impacts 5 --out",
     "assess": "--budget 5 --out",
-    "boundary": "--impacts 2 --points 3 --width 0.4 --out",
-    "chaos": "--points 200 --impacts 20000 --events 128 --width 0.5 --over 0.8:15:2 --out",
+    "boundary": "--impacts 2 --over sigma=0.001:2:3 --width 0.4 --out",
+    "chaos": "--points 200 --impacts 20000 --events 128 --width 0.5 --over alpha=0.8:15:2 --out",
     "order": "--impacts 2 --paths 1000",
     "sensitivity": "--parameter epsilon --quantity power --accuracy 1 --out",
     "simulate": "--impacts 3 --paths 500 --out",

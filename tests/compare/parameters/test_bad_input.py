@@ -12,8 +12,8 @@ BAD = {
     "boundary": [
         ({"over": "sigmaa"}, "did you mean 'sigma'"),
         ({"closure": "saltatoin"}, "did you mean 'saltation'"),
-        ({"between": (0.5, 0.1)}, "give a smaller and a larger value"),
-        ({"over": "epsilon", "between": (0.5, 1.5)}, "no scene can have epsilon = 1.5"),
+        ({"between": (0.5, 0.1)}, "sigma HIGH = 0.1: must be greater than LOW = 0.5"),
+        ({"over": "epsilon", "between": (0.5, 1.5)}, "epsilon = 1.5: no scene can have it"),
         ({"points": 1}, "must be at least 2"),
         ({"width": 0.0}, "width = 0.0"),
         ({"width": 1.0}, "width = 1.0"),
@@ -21,7 +21,7 @@ BAD = {
     "map": [
         ({"along": "alpah"}, "did you mean 'alpha'"),
         ({"along": "sigma"}, "is the first parameter too"),
-        ({"along": "epsilon", "reach": (0.5, 1.5)}, "no scene can have epsilon = 1.5"),
+        ({"along": "epsilon", "reach": (0.5, 1.5)}, "epsilon = 1.5: no scene can have it"),
         ({"along": "drive.2.amplitude", "reach": None}, "give a range"),
         ({"values": 1}, "must be at least 2"),
         ({"pints": 3}, "did you mean 'points'"),

@@ -8,13 +8,17 @@ from rattle import Scene, sensitivity
 from rattle.compare import closure_sensitivity
 
 SHOWN = {
-    "boundary": ("`saltation` is accurate up to sigma = ", "sigma", "stops holding"),
+    "boundary": ("`saltation` is accurate up to sigma = ", "noise intensity", "stops holding"),
     "crossing": (
         "`power` is below 1000 mW up to amplitude = ",
-        "amplitude (mm)",
+        "amplitude of the drive, mm",
         "crosses 1000",
     ),
-    "map": ("`saltation` is accurate up to sigma = ", "alpha", "over sigma and alpha"),
+    "map": (
+        "`saltation` is accurate up to sigma = ",
+        "excitation amplitude",
+        "over sigma and alpha",
+    ),
     "balance": ("noise intensity (now 1): 1 % more adds 1.997", "change (%)", "noise intensity"),
 }
 

@@ -44,7 +44,7 @@ def once():
 def first(tmp_path_factory):
     out = tmp_path_factory.mktemp("reports") / "first"
     words = "--sigma 0.1 --closure published --closure saltation --paths 600 --impacts 2 --dt 0.01"
-    validate(f"{words} --validity 0.1:1:2 --validity-paths 600 --out {out}")
+    validate(f"{words} --over sigma=0.1:1:2 --validity-paths 600 --out {out}")
     return out
 
 

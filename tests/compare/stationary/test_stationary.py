@@ -134,7 +134,7 @@ def test_command_writes_its_page(tmp_path):
 def test_command_draws_the_bifurcation_with_noise(tmp_path):
     out = tmp_path / "report"
     words = "stationary --sigma 0.3 --periods 64 --paths 32 --no-closures"
-    rattle(f"{words} --field epsilon --over 0.7:0.9:2 --out {out}")
+    rattle(f"{words} --over epsilon=0.7:0.9:2 --out {out}")
     assert (out / "bifurcation.svg").exists()
     sides = set(pd.read_csv(out / "bifurcation.csv").iloc[:, 0])
     assert sides == {"without noise", "with noise"}
@@ -144,5 +144,5 @@ def test_a_diagram_without_impacts_is_refused_before_the_long_run(monkeypatch, t
     monkeypatch.setattr("rattle.compare.stationary.measure.stationary", None)
     scene = tmp_path / "resting.toml"
     scene.write_text(Scene(**RESTING | {"sigma": 0.01}).to_toml())
-    done = rattle(f"stationary {scene} --over 0.1:0.2:2 --out {tmp_path / 'report'}", code=2)
+    done = rattle(f"stationary {scene} --over alpha=0.1:0.2:2 --out {tmp_path / 'report'}", code=2)
     assert "mesh 1 is not struck" in done.output

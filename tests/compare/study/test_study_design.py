@@ -30,10 +30,10 @@ def geared(**changes):
 def test_a_study_file_is_asked_whether_its_gears_can_be(tmp_path):
     file = tmp_path / "mine.toml"
     file.write_text(geared())
-    assert Study.load(file).gears == DAT21
+    assert Study.load(file).scene.gears == DAT21
     file.write_text(geared(inertia1=0.004, damping1=0.0))
     # only what was written in a file is questioned
-    assert Study.from_toml(file.read_text()).gears.inertia1 == 0.004
+    assert Study.from_toml(file.read_text()).scene.gears.inertia1 == 0.004
     line = file.read_text().splitlines().index("inertia1 = 0.004") + 1
     said = rf"mine\.toml, line {line}: gears\.inertia1 = 0\.004: is too little"
     with pytest.raises(InputError, match=said) as caught:

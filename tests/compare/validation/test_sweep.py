@@ -11,8 +11,8 @@ from rattle.compare.validation.comparison import Speed, Validity, find_validity
 from rattle.compare.validation.figures import validity_figure
 from rattle.compare.validation.page import CAPTIONS
 from rattle.compare.validation.tables import merge_sigmas
-from rattle.compare.validation.validate import read_grid, sweep
-from rattle.scene import DAT21, InputError, Scene
+from rattle.compare.validation.validate import sweep
+from rattle.scene import DAT21, Scene
 
 SETTINGS = {
     "impacts": 4,
@@ -51,19 +51,6 @@ def test_only_the_work_of_what_is_accurate_is_counted(swept):
     assert 0.0 < row["median"] < row["worst"] < 0.1
     assert row["speed_up"] == pytest.approx(row["simulation_seconds"] / row["closure_seconds"])
     assert row["speed_up"] > 5.0
-
-
-def test_grid_is_even_in_the_logarithm():
-    assert read_grid("1e-3:1:4") == (0.001, 0.01, 0.1, 1.0)
-    assert len(read_grid("1e-3:2:12")) == 12
-
-
-@pytest.mark.parametrize(
-    "text", ["", "1", "1:2:3:4", "a:b:c", "1:2:x", "1:2:2.5", "nan:1:3", "1:inf:3", "-1:1:3"]
-)
-def test_bad_grids_are_refused(text):
-    with pytest.raises(InputError, match="validity"):
-        read_grid(text)
 
 
 def test_neighbours_with_one_range_of_validity_and_cause_share_a_row():

@@ -265,5 +265,10 @@ def test_the_answer_counts_the_verdicts_and_names_what_failed(claims):
 
 
 def test_bad_input_of_the_command_is_refused_before_any_work(tmp_path):
-    for words in (["--paths", "10"], ["--over", "1:0:3"], ["--sigma", "-1"], ["--impacts", "5"]):
-        assert words[0][2:] in rattle("claims", *words, "--out", tmp_path / "o", code=2).output
+    for words, named in (
+        (["--paths", "10"], "paths = 10"),
+        (["--over", "alpha=1:0:3"], "alpha HIGH = 0"),
+        (["--sigma", "-1"], "sigma = -1"),
+        (["--impacts", "5"], "impacts = 5"),
+    ):
+        assert named in rattle("claims", *words, "--out", tmp_path / "o", code=2).output

@@ -1,0 +1,154 @@
+"""A scene in which some values are others: what an axis of a study, a search and a sweep vary.
+
+A value has the name of a field of the scene (``sigma``), of a part of it (``start.y1``), of an
+order of the drive (``drive.2.amplitude``), or of its gears (``backlash1``).
+"""
+
+import math
+import re
+from collections.abc import Mapping
+from dataclasses import fields, replace
+from typing import Any
+
+from rattle.scene.errors import choice
+from rattle.scene.gears import check_typed, values_of
+from rattle.scene.gears_input import UNIT, read_drive
+from rattle.scene.parts import Start, Tolerance, move_to_flanks
+from rattle.scene.scene import Scene
+
+UNIT_VALUES = ("omega", "backlash1")
+"""Values of gears that units of time, length and speed depend on."""
+SCENE_PARTS = {"tolerance": Tolerance, "start": Start}
+SCENE_FIELDS = tuple(
+    [f.name for f in fields(Scene) if f.name not in (*SCENE_PARTS, "gears", "drive")]
+    + [f"{part}.{f.name}" for part, kind in SCENE_PARTS.items() for f in fields(kind)]
+)
+ORDER_UNITS = {
+    "amplitude": "",
+    "amplitude_mm": "mm",
+    "amplitude_rad": "rad",
+    "phase": "rad",
+    "phase_degrees": "degrees",
+}
+"""Values of an order of the drive as a scene file has them, and their units; ``amplitude`` is
+relative to that of the drive."""
+ORDER_FIELD = re.compile(rf"drive\.([1-9][0-9]*)\.({'|'.join(ORDER_UNITS)})")
+"""A value of one order of the drive, such as ``drive.2.amplitude``."""
+NOT_NUMBERS = ("stages", "start.mesh", "tolerance.distribution", "tolerance.draw")
+# not of a single stage
+SECOND = ("beta2", "gamma2", "mu", "gap2", "start.x2", "start.y2", "tolerance.c2_max")
+VALUE_WORDS = {
+    "alpha": "excitation amplitude",
+    "amplitude": "amplitude of the drive",
+    "amplitude_rad": "amplitude of the drive",
+    "omega": "frequency of the drive",
+    "epsilon": "restitution",
+    "inertia": "inertia of wheel {}",
+    "radius": "radius of wheel {}",
+    "backlash": "backlash at mesh {}",
+    "damping": "damping of wheel {}",
+    "torque": "drag torque on wheel {}",
+    "driver_radius": "radius of the driver",
+    "speed_rpm": "mean speed of the driver",
+    "speed_rad_s": "mean speed of the driver",
+    "sigma": "noise intensity",
+    "correlation_time": "correlation time of the noise",
+}
+
+
+def change(scene: Scene, changes: Mapping[str, Any]) -> Scene:
+    """The scene with other values, by name; all others stay as they were typed.
+
+    Values of gears are changed first, as `Scene.with_gears` does; a start on a flank stays on it.
+    """
+    of_gears = {} if scene.gears is None else values_of(scene.gears)
+    typed = {name: value for name, value in changes.items() if name in of_gears}
+    if typed:
+        scene = scene.with_gears(**typed)
+    orders: dict[int, dict[str, Any]] = {}
+    parts: dict[str, dict[str, Any]] = {name: {} for name in SCENE_PARTS}
+    values: dict[str, Any] = {}
+    for name, value in changes.items():
+        part, _, field = name.partition(".")
+        if order := ORDER_FIELD.fullmatch(name):
+            orders.setdefault(int(order[1]), {})[order[2]] = value
+        elif field:
+            parts[part][field] = value
+        elif name not in typed:
+            values[name] = value
+    if orders:
+        values["drive"] = _change_orders(scene, orders)
+    if parts["tolerance"]:
+        values["tolerance"] = replace(scene.tolerance or Tolerance(), **parts["tolerance"])
+    gaps = {name: getattr(scene, name) for name in ("gap1", "gap2")}
+    new_gaps = [values.get(name, gap) for name, gap in gaps.items()]
+    start = move_to_flanks(scene.start, [*gaps.values()], new_gaps)
+    values["start"] = replace(start, **parts["start"])
+    return replace(scene, **values)
+
+
+def _change_orders(scene: Scene, orders: Mapping[int, Mapping[str, Any]]) -> Any:
+    """The drive with other values of some orders; one that it did not have comes to it."""
+    tables = {one.order: vars(one) for one in scene.drive}
+    for number, new in orders.items():
+        old = tables.get(number, {"order": number, "amplitude": 0.0})
+        kept = {key: value for key, value in old.items() if not any(n.startswith(key) for n in new)}
+        tables[number] = kept | dict(new)
+    radius = None if scene.gears is None else scene.gears.values.get("driver_radius")
+    return read_drive([*tables.values()], scene.gears, radius)
+
+
+def find_value(scene: Scene, name: str, asked: str) -> float:
+    """A number of a scene by its name; refused as an entry of what was asked, if there is none."""
+    of_gears = {} if scene.gears is None else values_of(scene.gears)
+    if name in of_gears:
+        return of_gears[name]
+    if order := ORDER_FIELD.fullmatch(name):
+        return _find_in_order(scene, int(order[1]), order[2])
+    if scene.gears is not None and name not in SCENE_FIELDS:
+        check_typed(scene.gears, name, asked)
+    excluded = (*NOT_NUMBERS, *(SECOND if scene.stages == 1 else ()))
+    of_scene = (known for known in SCENE_FIELDS if known not in excluded)
+    choice(asked, name, dict.fromkeys([*of_gears, *of_scene]))
+    value: Any = scene
+    for field in name.split("."):
+        value = getattr(value, field, 0.0)  # without a tolerance its parts are 0
+    return float(value)
+
+
+def _find_in_order(scene: Scene, number: int, field: str) -> float:
+    """A value of an order of the drive; 0 of one that it does not have."""
+    values = {one.order: one for one in scene.drive}
+    if number not in values:
+        return 0.0
+    phase = values[number].phase
+    amplitude = values[number].amplitude
+    if field.startswith("phase"):
+        return math.degrees(phase) if field == "phase_degrees" else phase
+    if field == "amplitude" or scene.gears is None:
+        return amplitude
+    in_mm = amplitude * scene.gears.amplitude
+    return in_mm / scene.gears.values.get("driver_radius", 1.0) if field.endswith("rad") else in_mm
+
+
+def same_speed(speed: float, scene: Scene, changed: Scene) -> float:
+    """A dimensionless speed of a scene in a changed one: of gears it stays the same in mm/s."""
+    if scene.gears is None or changed.gears is None:
+        return speed
+    return speed * (scene.gears.units.speed / changed.gears.units.speed)
+
+
+def unit_of_value(name: str) -> str:
+    """The unit of a value of gears or of a measured order; empty for one without a dimension."""
+    if order := ORDER_FIELD.fullmatch(name):
+        return ORDER_UNITS[order[2]]
+    return UNIT.get(name.rstrip("12"), "")
+
+
+def words_of_value(name: str) -> str:
+    """What a value is, in words; empty for one that only its symbol names."""
+    if order := ORDER_FIELD.fullmatch(name):
+        return f"{order[2].split('_')[0]} of order {order[1]} of the drive"
+    if name.startswith("gap") or "." in name:
+        return ""
+    return VALUE_WORDS.get(name.rstrip("12"), "").format(name[-1])

@@ -1,0 +1,38 @@
+"""The one spelling of a range of values."""
+
+import pytest
+
+from rattle import DAT21, InputError, Scene
+from rattle.compare.cli.ranges import RangeType
+
+SCENE = Scene.from_gears(DAT21, sigma=0.1)
+
+
+def read(text):
+    return RangeType().convert(text, None, None)
+
+
+@pytest.mark.parametrize(
+    ("text", "values"),
+    [
+        ("torque1=20:200", (20.0, 110.0, 200.0)),
+        ("torque1=20:200:4", (20.0, 80.0, 140.0, 200.0)),
+        ("sigma=1e-3:1:4:log", (0.001, 0.01, 0.1, 1.0)),
+        ("backlash1=0.1:0.4321:3:log", (0.1, 0.208, 0.4321)),
+        ("torque1", (25.0, 100.0, 400.0)),  # a fourth of the file's value to four times it
+    ],
+)
+def test_values_of_a_range(text, values):
+    assert read(text).values(SCENE, points=3) == pytest.approx(values, rel=1e-15)
+
+
+@pytest.mark.parametrize("text", ["", "=1:2", "0.1:2:5", "sigma=", "sigma=1", "sigma=1:2:3:log:4"])
+def test_what_is_no_range_is_refused_with_the_spelling(text):
+    with pytest.raises(InputError, match=r"NAME=LOW:HIGH|spacing"):
+        read(text)
+
+
+def test_a_name_alone_needs_a_value_to_go_around():
+    single = Scene(alpha=0.5, epsilon=0.9, beta1=0.0, gamma1=0.1, stages=1)
+    with pytest.raises(InputError, match=r"beta1 = 0\.0: is not above 0 in this scene"):
+        read("beta1").values(single, points=3)
