@@ -20,10 +20,10 @@ REQUIRE_HELP = "Exit 3 unless it holds: a limit such as 'rate_above < 50', in th
 @shared.SEED_AND_WORKERS
 @shared.report("reports/NAME-assess", "assess.page", shared.JSON_ALONE)
 def assess(base: Scene, begin: Begin, seed: int, **settings: Any) -> None:
-    """Answer: does it rattle, how hard, what helps, can a closure be used.
+    """Say whether gears rattle, how hard, and what helps.
 
-    A first answer after some seconds, then a better one within the budget; the page has the
-    pictures. SCENE is a TOML file, DAT21 if none is given.
+    And whether a closure can be used on them. A first answer after some seconds, then a better one
+    within the budget; the page has the pictures. SCENE is a TOML file, DAT21 if none is given.
 
     Exit codes: 0 answered; 2 bad input; 3 --require is not met, or not decided.
     """

@@ -8,7 +8,7 @@ from typing import Any
 import click
 
 from rattle.compare.cli.assess import assess
-from rattle.compare.cli.check import check, claims, warm_up
+from rattle.compare.cli.check import check, warm_up
 from rattle.compare.cli.judge import judge
 from rattle.compare.cli.parameters import boundary, sensitivity
 from rattle.compare.cli.ranges import EXAMPLE, RENAMED
@@ -16,7 +16,7 @@ from rattle.compare.cli.shared import CommandGroup, say
 from rattle.compare.cli.show import animate, drive, init, show
 from rattle.compare.cli.simulate import chaos, simulate, stationary
 from rattle.compare.cli.study import study
-from rattle.compare.cli.validate import order, tradeoff, validate
+from rattle.compare.cli.validate import tradeoff, validate
 from rattle.compare.report.interrupt import EXIT_INTERRUPTED, describe_interrupt, ends_soon, said
 from rattle.scene.errors import RattleError
 from rattle.scene.progress import speaking
@@ -95,7 +95,7 @@ def main() -> None:
 
 
 for command in (
-    *(animate, assess, boundary, chaos, check, claims, drive, init, judge, order),
+    *(animate, assess, boundary, chaos, check, drive, init, judge),
     *(sensitivity, show, simulate, stationary, study, tradeoff, validate, warm_up),
 ):
     main.add_command(command)

@@ -1,4 +1,4 @@
-"""The commands that judge closures and schemes: validate, tradeoff and order."""
+"""The commands that judge closures and schemes: validate and tradeoff."""
 
 import math
 import sys
@@ -225,47 +225,3 @@ def tradeoff(
     asked_for = {"accuracies": asked, "orders": orders, **settings}
     found = measure(base, **asked_for)
     results.say(results.write(found, scene=base.to_dict(), **asked_for))
-
-
-@click.command()
-@shared.SCENE_AND_SIGMA
-@shared.whole("impacts", 4, "Impacts after the start.")
-@shared.whole("paths", 20_000, "Paths of each run.")
-@shared.SEED_AND_WORKERS
-@shared.json_flag("the table")
-def order(
-    scene: Path | None, sigma: float | None, seed: int, as_json: bool, **settings: int
-) -> None:
-    """Measure the order of the step bias of Euler-Maruyama.
-
-    SCENE is a TOML file, DAT21 if none is given.
-    """
-    from rattle.compare.tradeoff.page import orders_said
-    from rattle.compare.tradeoff.weak_order import weak_orders
-
-    table = weak_orders(load_scene(scene, sigma), rng=seed, **settings).table
-    if as_json:
-        say_json(table.to_dict("records"))
-        return
-    names = [
-        "scheme",
-        "moment",
-        "quantity",
-        "slope",
-        "low",
-        "high",
-        "last",
-        "turns",
-        "order",
-        "change",
-        "limit_z",
-    ]
-    say(table[names].to_string(index=False, float_format="{:.3g}".format, na_rep="-"), keep="\n")
-    say_lines(orders_said(table))
-    say(
-        "slope of the step bias over these dt, in [low, high] with 95 % confidence; last: that at"
-        " the finest; turns: impacts at\nwhich the change turns its sign; order: only where the"
-        " slope has settled; change: size of the last change, in sds;\nlimit_z: Richardson"
-        " extrapolation minus exact flights in standard errors; -: hidden by noise.",
-        keep="\n",
-    )

@@ -1,5 +1,6 @@
 """The page and the folder of a long run, with its answer in a few sentences."""
 
+import math
 from functools import partial
 from typing import Any
 
@@ -148,8 +149,14 @@ def show_quantity(table: pd.DataFrame, name: str) -> str:
     elif half == 0.0:
         text = number_text(value, 5)
     else:
-        text = f"{number_text(value, 4)} ± {number_text(half, 1)}"
+        text = f"{number_text(value, _digits(value, half))} ± {number_text(half, 1)}"
     return f"{text} {unit}".rstrip()
+
+
+def _digits(value: float, half: float) -> int:
+    """Digits of a value up to the first of the half width of its interval, one at least."""
+    last = math.floor(math.log10(float(f"{half:.0e}")))
+    return max(1 + math.floor(math.log10(abs(value))) - last, 1) if value else 1
 
 
 def _off_by(autocorrelation: float) -> str:

@@ -177,7 +177,7 @@ class StepBias(NamedTuple):
     # estimate of the error left: the difference to the same extrapolation from 2 dt and 4 dt, over
     # ``2^p - 1``.  The error left is of second order (p = 2), as means settle at first order; where
     # the changes of an sd fall more slowly, beyond noise, p is the slope that they have, 1/2 at
-    # least (`rattle order`: docs/theory/schemes.md)
+    # least (`rattle check order`: docs/theory/schemes.md)
     rest: Floats
 
 

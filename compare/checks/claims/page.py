@@ -1,4 +1,4 @@
-"""All claims in the order of the paper; the page and the folder of ``rattle claims``."""
+"""All claims in the order of the paper; the page and the folder of ``rattle check claims``."""
 
 from collections import Counter
 from typing import Any

@@ -19,9 +19,10 @@ SINGLE = (
     "[scene]\nalpha = 1.5\nepsilon = 0.9\nbeta1 = 0.08\ngamma1 = 0.05\nstages = 1\nsigma = 0.1\n"
 )
 SMALL = {
+    "assess": "scene.toml --budget 5 --out out",
     "validate": "--paths 64 --impacts 2 --dt 0.01 --no-validity --sigma 0.1 --out out",
     "simulate": "scene.toml --paths 64 --impacts 2 --dt 0.01",
-    "order": "--impacts 1 --paths 64",
+    "check order": "--impacts 1 --paths 64",
     "check speed": "",
     "study": "study.toml",
     "check published": "--result bouncing-ball",

@@ -127,7 +127,7 @@ REAL = {
     "boundary --and": (
         f"half its value to twice it, {signature(boundary_map).parameters['values'].default} values"
     ),
-    "claims --sigma": "0.01, 0.1",
+    "check claims --sigma": "0.01, 0.1",
     "simulate --accuracy": "0.01",
     "simulate --dt": STEP,
     "simulate --budget": f"an hour; beyond it the answer is what {INSTEAD:g} s give",

@@ -13,7 +13,7 @@ SMALL = {
     "assess": "--budget 5 --out",
     "boundary": "--impacts 2 --over sigma=0.001:2:3 --width 0.4 --out",
     "chaos": "--points 200 --impacts 20000 --events 128 --width 0.5 --over alpha=0.8:15:2 --out",
-    "order": "--impacts 2 --paths 1000",
+    "check order": "--impacts 2 --paths 1000",
     "sensitivity": "--parameter epsilon --quantity power --accuracy 1 --out",
     "simulate": "--impacts 3 --paths 500 --out",
     "stationary": "--periods 64 --paths 16 --burn-in 10 --out",
@@ -25,7 +25,7 @@ ON_EXAMPLES = {
     "assess": "single-stage",
     "boundary": "single-stage",
     "chaos": "single-stage",
-    "order": "gearbox",
+    "check order": "gearbox",
     "sensitivity": "drawing-tolerances",
     "stationary": "single-stage",
     "tradeoff": "gearbox",
@@ -33,7 +33,9 @@ ON_EXAMPLES = {
 }
 """Each command once: all of them on all examples take ten minutes; `simulate` runs on every one
 elsewhere."""
-QUICK = [(command, HERE / "pair.toml") for command in ("animate", "order", "simulate", "validate")]
+QUICK = [
+    (command, HERE / "pair.toml") for command in ("animate", "check order", "simulate", "validate")
+]
 LONG = [(command, HERE / "pair.toml") for command in SMALL if command not in dict(QUICK)]
 LONG += [(command, EXAMPLES / f"{name}.toml") for command, name in ON_EXAMPLES.items()]
 CASES = QUICK + [pytest.param(*case, marks=pytest.mark.slow) for case in LONG]

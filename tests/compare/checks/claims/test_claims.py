@@ -230,7 +230,7 @@ def test_the_page_holds_every_claim(evidence, claims, tmp_path):
         "name": "DAT21",
         "scene": evidence.scene.to_dict(),
         "seed": 0,
-        "command": "rattle claims",
+        "command": "rattle check claims",
         "commit": "none",
         "versions": {},
         "wall_seconds": 1.0,
