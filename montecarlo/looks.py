@@ -10,7 +10,7 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from rattle.montecarlo.kernel.blocks import Budget
+from rattle.montecarlo.kernel.blocks import Budget, clock
 from rattle.montecarlo.statistics.intervals import CONFIDENCE, TOO_FEW
 from rattle.scene import positive
 
@@ -49,16 +49,23 @@ class Looks:
     # expected to be too small are left out
     use_all: bool = False
     budget: Budget | None = None  # time after which there is no further look
+    # of what is left of the budget, which a look may be expected to take from the look before it
+    share: float = 1.0
     why: str = TOO_FEW
 
     def __iter__(self) -> Iterator[int]:
         self._later = list(self.sizes)
+        pace = 0.0  # processor time of a unit of size
         while self._later:
-            if self.budget is not None and self.budget.remaining < 0.0:
-                self.why = BUDGET_ENDED
-                return
+            if self.budget is not None:
+                allowed = self.share * self.budget.remaining
+                if allowed <= 0.0 or pace * self._later[0] > allowed:
+                    self.why = BUDGET_ENDED
+                    return
             self._size = self._later.pop(0)
+            began = clock()
             yield self._size
+            pace = (clock() - began) / self._size
 
     def expect(self, needed: float) -> None:
         """Choose the next look by the size that is expected to decide; NaN where no size does."""

@@ -23,6 +23,15 @@ AND_HELP = (
     " value to twice it, 9 values]"
 )
 CLOSURE_HELP = "In place of quantities: judge what it predicts."
+ACCURACY_HELP = (
+    "Half width of the widest 95 % interval of an effect of 1 %, at which it stops; exit 3 if it is"
+    " given and not reached. [default: 0.001]"
+)
+BUDGET = (
+    "Processor seconds, all threads together; compiling, figures and the page are not counted."
+    " What it does not allow is said."
+)
+PARAMETER_BUDGET = 60.0
 
 
 @click.command()
@@ -39,7 +48,7 @@ CLOSURE_HELP = "In place of quantities: judge what it predicts."
 @shared.SCHEDULER
 @shared.whole("impacts", 12, "Impacts that must be accurate.")
 @shared.real("width", "Every edge is known to ± this share.", 0.1)
-@shared.real("budget", "Processor seconds after which no further value is judged.")
+@shared.real("budget", f"{BUDGET} [default: {PARAMETER_BUDGET:g}; none with --and]")
 @shared.SEED_AND_WORKERS
 @shared.report("reports/NAME-boundary", "parameters.page", shared.JSON_ALONE)
 def boundary(
@@ -64,6 +73,8 @@ def boundary(
     """
     mapped = along is not None
     budget = asked["budget"]
+    if budget is None and not mapped:
+        budget = PARAMETER_BUDGET
     for name, value, refused, why in (
         (
             "quantity",
@@ -72,7 +83,6 @@ def boundary(
             "takes the place of a closure; give one of them",
         ),
         ("quantity", quantity, mapped, "does not go with --and, which maps a closure"),
-        ("budget", budget, mapped, f"does not go with --and: {CONTINUES}"),
         ("scheduler", scheduler, not mapped, "goes with --and"),
     ):
         if value is not None and refused:
@@ -84,8 +94,9 @@ def boundary(
         "over": over.name,
         "between": over.ends,
         "points": over.points or SCAN_POINTS,
+        "width": asked["width"],
+        "budget": budget,
     }
-    settings["width"] = asked["width"]
     if quantity is not None:
         settings |= {"quantity": quantity, "level": level}
     else:
@@ -95,7 +106,6 @@ def boundary(
         settings |= {"along": along.name, "reach": along.ends, "values": number}
         search: Any = partial(rt.boundary_map, scheduler=scheduler, progress=True)
     else:
-        settings |= {"budget": budget}
         search = partial(rt.boundary if quantity is None else rt.crossing, progress="boundary")
     with shared.estimates_shown():
         found = search(base, **settings, folder=results.cells, rng=seed, workers=workers)
@@ -117,9 +127,9 @@ def boundary(
 )
 @shared.whole("impacts", 4, "Impacts at which a closure is judged.")
 @shared.whole("paths", 16_384, "Simulated paths beside a closure, for each change.")
-@shared.real("accuracy", "Half width of the widest 95 % interval of an effect of 1 %.", 0.001)
+@shared.real("accuracy", ACCURACY_HELP)
 @shared.real("slow", "Speed below which an impact is slow.", 0.1)
-@shared.real("budget", "Processor seconds after which no more runs are begun.")
+@shared.real("budget", BUDGET, PARAMETER_BUDGET)
 @shared.SEED_AND_WORKERS
 @shared.report("reports/NAME-sensitivity", "parameters.page", shared.JSON_ALONE)
 def sensitivity(
@@ -139,15 +149,17 @@ def sensitivity(
     TOML file, DAT21 if none is given.
 
     Exit codes: 0 done; 2 bad input, or no stationary motion was reached; 3 the intervals are wider
-    than asked for.
+    than the --accuracy asked for.
     """
+    accuracy = asked["accuracy"]
     if closure is not None and quantities:
         raise InputError("closure", closure, "takes the place of --quantity; give one of them")
     from rattle.compare import closure_sensitivity
 
     results = begin()
     if closure is None:
-        settings = shared.pick(asked, "accuracy", "slow", "budget")
+        settings = shared.pick(asked, "slow", "budget")
+        settings |= {} if accuracy is None else {"accuracy": accuracy}
         find: Any = partial(rt.sensitivity, quantities=quantities or None)
     else:
         settings = {"closure": closure} | shared.pick(asked, "impacts", "paths", "budget")
@@ -157,5 +169,5 @@ def sensitivity(
         found = find(base, **settings, rng=seed, workers=workers)
     results.write(found, scene=base.to_dict(), **settings, seed=seed)
     results.say(found.answer, found.to_dict)
-    if closure is None and not found.reached:
+    if closure is None and accuracy is not None and not found.reached:
         raise click.exceptions.Exit(EXIT_NOT_MET)

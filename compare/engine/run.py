@@ -24,7 +24,8 @@ from rattle.compare.report.folder import (
     refuse_foreign,
     sweep,
 )
-from rattle.montecarlo.kernel.blocks import in_tasks
+from rattle.montecarlo.kernel.blocks import Budget, in_tasks
+from rattle.montecarlo.looks import begin_budget
 from rattle.scene import InputError, line
 from rattle.scene.progress import ProgressBar, print_on_stderr
 
@@ -43,8 +44,9 @@ class Runner:
 
     share = 1  # blocks of a task
 
-    def __init__(self, workers: int) -> None:
+    def __init__(self, workers: int, budget: Budget | None = None) -> None:
         self.workers = workers
+        self._budget = budget or begin_budget(None)
         self._executor: Executor
 
     def __enter__(self) -> Self:
@@ -74,9 +76,10 @@ class Runner:
         raise error
 
     def compute(self, cell: Cell) -> Content:
-        """Compute a cell."""
+        """Compute a cell; raises BudgetEnded if its blocks of paths do not fit the budget."""
         if cell.splits:
-            return cell.compute(in_tasks(self.submit, self.workers, self.share))
+            blocks = in_tasks(self.submit, self.workers, self.share)
+            return cell.compute(self._budget.require(blocks))
         content: Content = self.submit(cell.compute).result()
         return content
 

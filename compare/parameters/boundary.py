@@ -17,12 +17,12 @@ from rattle.compare.judge.verdict import Tolerances, Verdict
 from rattle.compare.parameters import search
 from rattle.compare.parameters.finding import AlongParameter
 from rattle.compare.parameters.search import Edge, JudgedValue
-from rattle.compare.report.interrupt import BudgetEnded, stop_after
+from rattle.compare.report.interrupt import stop_after
 from rattle.compare.report.json_text import json_digest
 from rattle.compare.study.cells import Sample
 from rattle.compare.study.estimate import expect_work
 from rattle.compare.study.parameters import Parameter, find_parameter, find_range
-from rattle.montecarlo.kernel.blocks import Budget
+from rattle.montecarlo.kernel.blocks import Budget, BudgetEnded
 from rattle.montecarlo.looks import BUDGET_ENDED, begin_budget
 from rattle.montecarlo.seed import Rng, read_whole_seed
 from rattle.scene import InputError, Scene, check_scene, count, positive
@@ -107,7 +107,7 @@ def boundary(
     tolerances: Tolerances | None = None,
     searches: int = 1,
     folder: str | Path | None = None,
-    budget: float | None = None,
+    budget: float | None = search.SEARCH_BUDGET,
     rng: Rng = 0,
     workers: int = 1,
     progress: str | None = None,
@@ -149,7 +149,10 @@ def boundary(
     folder : path, optional
         Where results are stored: the same search continues there after an interruption.
     budget : float, optional
-        Seconds of processor time after which no further value is judged.
+        Seconds of processor time, all threads together; compiling and the closure itself are not
+        counted.  A look at more paths that would take more than a fourth of what is left is not
+        begun, and its value stays undecided.  With a `folder`, a larger budget continues.  None for
+        no limit.
     rng : int, SeedSequence, Generator or BitGenerator
         Seed; a generator of numpy gives a child of its seed sequence, another one each time.
     workers : int
@@ -199,19 +202,20 @@ def boundary(
 
         seconds = time_left.remaining
         try:
-            if seconds < 0.0:
+            if seconds <= 0.0:
                 raise BudgetEnded
             changed = parameter.scene_at(value)
             with stop_after(seconds if method.own else math.inf):
                 predicted = predict(changed, method, impacts, MOMENT_ORDER).phase_reduced
-            return search.judge_value(value, changed, predicted, simulate, z, limits)
+            return search.judge_value(value, changed, predicted, simulate, z, limits, time_left)
         # what this scene cannot have, or what cannot be simulated there, is undecided
         except (BudgetEnded, InputError) as error:
             return JudgedValue(value, Verdict.UNDECIDED, remark=str(error) or BUDGET_ENDED)
         finally:
             bar.update()
 
-    with Runner(workers) as runner, ProgressBar(label=progress, unit=" values") as bar:
+    bar = ProgressBar(label=progress, unit=" values")
+    with Runner(workers, time_left) as runner, bar:
         changes, table = search.find_changes(
             judge, low, high, points, width, first=Boundary.first, near=near
         )

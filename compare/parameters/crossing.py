@@ -2,10 +2,11 @@
 result."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -15,14 +16,20 @@ from rattle.compare.engine.run import Runner
 from rattle.compare.engine.store import open_store
 from rattle.compare.judge.verdict import Verdict
 from rattle.compare.parameters.boundary import check_search, seed_of
-from rattle.compare.parameters.finding import AlongParameter, with_unit
-from rattle.compare.parameters.search import MOST_VALUES, find_changes, state_effort
+from rattle.compare.parameters.finding import AlongParameter, after_number, with_unit
+from rattle.compare.parameters.search import (
+    LOOK_SHARE,
+    MOST_VALUES,
+    SEARCH_BUDGET,
+    find_changes,
+    state_effort,
+)
 from rattle.compare.stationary.result import unit_of
 from rattle.compare.stationary.study import LongCell, LongResult
-from rattle.montecarlo.kernel.blocks import Budget
+from rattle.montecarlo.kernel.blocks import Budget, BudgetEnded
 from rattle.montecarlo.long_run import expect_run
 from rattle.montecarlo.long_run.estimates import all_names, most_unseen
-from rattle.montecarlo.looks import Looks
+from rattle.montecarlo.looks import BUDGET_ENDED, Looks
 from rattle.montecarlo.seed import Rng, read_whole_seed
 from rattle.montecarlo.statistics.intervals import half_width, tail_of
 from rattle.scene import InputError, Scene, choice, positive
@@ -33,10 +40,11 @@ from rattle.scene.progress import ProgressBar, do
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-CROSSING_PATHS = 64  # of each long run
-PERIODS_OF_LOOKS = (64, 256, 1024, 4096)
-"""Periods after which a value is judged."""
-TAIL = tail_of(len(PERIODS_OF_LOOKS) * MOST_VALUES)
+CROSSING_PATHS = 64  # of each long run but the first, which is shorter
+FIRST_PERIODS = 64
+PATH_PERIODS_OF_LOOKS = (1024, 4096, 16_384, 65_536, 262_144)
+"""Periods of all paths together after which a value is judged."""
+TAIL = tail_of(len(PATH_PERIODS_OF_LOOKS) * MOST_VALUES)
 """Probability on each side of the interval of every look at every value."""
 TOO_NEAR = "too near the level to decide"
 BELOW_LEVEL = "below"
@@ -121,6 +129,26 @@ class Crossing(AlongParameter):
 
         return crossing_figure(self, self.level, with_unit(self.quantity, self.quantity_unit))
 
+    @property
+    def answer(self) -> list[str]:
+        """Where it crosses the level in words, also by the estimates alone, and what is not
+        known."""
+        *said, number = super().answer
+        near = [f"{value:.3g}" for value in self._cross_estimates()]
+        if near:
+            unit = after_number(self.unit)
+            said.append(f"By the estimates alone it crosses near {', '.join(near)}{unit}.")
+        return [*said, number]
+
+    def _cross_estimates(self) -> Iterator[float]:
+        """Where the straight line between two neighbouring estimates crosses the level, over the
+        logarithm of the parameter."""
+        points = self.points.dropna(subset="estimate")
+        away = points["estimate"] - self.level
+        for (a, da), (b, db) in pairwise(zip(points["value"], away, strict=True)):
+            if da * db < 0.0:
+                yield a * (b / a) ** (da / (da - db))
+
 
 @numpy_defaults
 def crossing(
@@ -134,7 +162,7 @@ def crossing(
     width: float = 0.1,
     slow: float = 0.1,
     folder: str | Path | None = None,
-    budget: float | None = None,
+    budget: float | None = SEARCH_BUDGET,
     rng: Rng = 0,
     workers: int = 1,
     progress: str | None = None,
@@ -142,8 +170,9 @@ def crossing(
     """Find where along a parameter a quantity of the long run crosses a level.
 
     For one: from which drag torque on is a pair quiet.  A coarse scan, then halving of the
-    logarithm wherever the quantity changes sides.  At each value long runs of 64 paths and 64 to
-    4,096 periods are made until its interval is on one side of the level.  What is said of the
+    logarithm wherever the quantity changes sides.  At each value long runs of 16 paths and 64
+    periods, then of 64 paths and 64 to 4,096 periods, are made until its interval is on one side of
+    the level.  What is said of the
     whole search is right with 95 % probability: all looks at all values are counted.  Between the
     values of the scan nothing is said: a quantity may cross the level more than once.
 
@@ -169,7 +198,9 @@ def crossing(
     folder : path, optional
         Where results are stored: the same search continues there after an interruption.
     budget : float, optional
-        Seconds of processor time after which no further long run is begun.
+        Seconds of processor time, all threads together; compiling is not counted.  A longer run
+        that would take more than a fourth of what is left is not begun, and its value stays
+        undecided.  With a `folder`, a larger budget continues.  None for no limit.
     rng : int, SeedSequence, Generator or BitGenerator
         Seed; a generator of numpy gives a child of its seed sequence, another one each time.
     workers : int
@@ -207,9 +238,10 @@ def crossing(
         do(f"{progress}: timing a few paths")
         with suppress(InputError):  # it cannot be simulated, which the search says of its value
             first = parameter.scene_at(low)
-            expected = expect_run(first, CROSSING_PATHS, PERIODS_OF_LOOKS[0], slow=slow)
-            most = expected.lengthen(PERIODS_OF_LOOKS[-1] - PERIODS_OF_LOOKS[0])
-            state_effort(progress, over, points, expected.core_seconds, most)
+            least, most = PATH_PERIODS_OF_LOOKS[0], PATH_PERIODS_OF_LOOKS[-1]
+            expected = expect_run(first, least // FIRST_PERIODS, FIRST_PERIODS, slow=slow)
+            seconds = expected.core_seconds
+            state_effort(progress, over, points, seconds, seconds * most / least)
     store = open_store(folder)
 
     def judge(value: float) -> SideOfLevel:
@@ -219,11 +251,10 @@ def crossing(
         slow_there = same_speed(slow, scene, changed)
         its_seed = seed_of(changed, seed)
 
-        def run(periods: int) -> LongResult:
-            bar.set_postfix_str(f"{over} = {value:.4g}, {periods:,} periods")
-            cell = LongCell(
-                changed, its_seed, (), periods=periods, paths=CROSSING_PATHS, slow=slow_there
-            )
+        def run(paths: int, periods: int) -> LongResult:
+            bar.set_postfix_str(f"{over} = {value:.4g}, {periods:,} periods of {paths} paths")
+            length = {"paths": paths, "periods": periods}
+            cell = LongCell(changed, its_seed, (), **length, slow=slow_there, limit=time_left)
             result: LongResult = store.obtain(cell, runner.compute)
             return result
 
@@ -234,7 +265,7 @@ def crossing(
         )
 
     bar = ProgressBar(label=progress, unit=" values")
-    with Runner(workers) as runner, bar, ThreadPoolExecutor(workers) as pool:
+    with Runner(workers, time_left) as runner, bar, ThreadPoolExecutor(workers) as pool:
         changes, table = find_changes(
             judge, low, high, points, width, first=Crossing.first, map_scan=pool.map
         )
@@ -247,18 +278,22 @@ def judge_level(
     value: float,
     quantity: str,
     level: float,
-    run: Callable[[int], LongResult],
+    run: Callable[[int, int], LongResult],
     time_left: Budget | None = None,
 ) -> SideOfLevel:
     """Lengthen the long run at one value until a quantity is shown to be on one side of a level.
 
-    `run`: Makes a long run of so many periods.
+    `run`: Makes a long run of so many paths and periods.
     """
     side = SideOfLevel(value, Verdict.UNDECIDED)
-    looks = Looks(PERIODS_OF_LOOKS, budget=time_left)
-    for periods in looks:
+    looks = Looks(PATH_PERIODS_OF_LOOKS, budget=time_left, share=LOOK_SHARE)
+    for size in looks:
+        paths = min(size // FIRST_PERIODS, CROSSING_PATHS)
+        periods = size // paths
         try:
-            result = run(periods)
+            result = run(paths, periods)
+        except BudgetEnded:
+            return side._replace(remark=BUDGET_ENDED)
         except InputError as error:  # no stationary motion is reached
             return side._replace(remark=str(error))
         estimate, low, high = find_interval(result, quantity)
@@ -271,7 +306,7 @@ def judge_level(
         if estimate > 0.0:
             margin = abs(estimate - level)
             half = 0.5 * (high - low)
-            looks.expect(periods * (half / margin) ** 2 if margin > 0.0 else math.inf)
+            looks.expect(size * (half / margin) ** 2 if margin > 0.0 else math.inf)
     return side._replace(remark=looks.why)
 
 

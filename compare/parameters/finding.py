@@ -7,6 +7,7 @@ import pandas as pd
 
 from rattle.compare.judge.verdict import Verdict
 from rattle.compare.report.texts import read_texts
+from rattle.montecarlo.looks import BUDGET_ENDED
 from rattle.scene import as_html
 from rattle.scene.numpy_errors import numpy_defaults
 
@@ -118,6 +119,8 @@ class AlongParameter(Finding):
         for why, rows in undecided.groupby("remark", sort=False):
             at = f"{self.over} = {list_values(rows['value'])}{facts['unit']}"
             said.append(f"Undecided at {at}: {str(why).rstrip('.')}.")
+        if (undecided["remark"] == BUDGET_ENDED).any():
+            said.append(PARAMETER_TEXTS["answers"]["larger"])
         return [*said, texts["count"].format_map(facts)]
 
     def _describe_outside(self, verdict: str) -> str:

@@ -32,7 +32,7 @@ from rattle.compare.parameters.search import Edge
 from rattle.compare.study.parameters import find_parameter, find_range
 from rattle.montecarlo.kernel.blocks import Blocks
 from rattle.montecarlo.seed import read_whole_seed
-from rattle.scene import InputError, RattleError, Scene, check_keys, check_scene, count
+from rattle.scene import InputError, RattleError, Scene, check_keys, check_scene, count, positive
 from rattle.scene.numpy_errors import numpy_defaults
 
 if TYPE_CHECKING:
@@ -66,7 +66,8 @@ class Search(Cell):
 
     scene: Scene
     at: str  # the second parameter with its value
-    asked: dict[str, Any]  # of `boundary`
+    asked: dict[str, Any]  # of `boundary`; its budget is that of one search by itself
+    at_once: int = 1  # searches that run at the same time, whose processor time is counted together
 
     @property
     def label(self) -> str:
@@ -83,7 +84,9 @@ class Search(Cell):
 
     def evaluate(self, blocks: Blocks | None = None) -> tuple[pd.DataFrame, dict[str, Any]]:
         """Search."""
-        found = boundary(self.scene, **self.asked)
+        budget = self.asked.get("budget")
+        limit = {"budget": budget and self.at_once * budget}
+        found = boundary(self.scene, **self.asked | limit)
         return found.points, {"edges": found.edges, "path_steps": found.path_steps}
 
     def restore(self, content: Content) -> Found:
@@ -200,6 +203,7 @@ def boundary_map(
     closure: Any = "saltation",
     over: str = "sigma",
     folder: str | Path | None = None,
+    budget: float | None = None,
     workers: int = 1,
     scheduler: str | None = None,
     progress: bool = False,
@@ -228,6 +232,9 @@ def boundary_map(
         The parameter along which each search goes, as in `boundary`.
     folder : path, optional
         Where results are stored: the same map continues there after an interruption.
+    budget : float, optional
+        Seconds of processor time, all threads together, shared equally by the searches; what they
+        leave undecided is said.  Without it there is no limit.
     workers : int
         Threads; the result does not depend on it.
     scheduler : str, optional
@@ -275,6 +282,8 @@ def boundary_map(
         method.check(here.scene_at(find_range(here, between)[0]))
     settings["rng"] = read_whole_seed(settings.get("rng", 0))
     asked = settings | {"closure": method, "over": over, "searches": values}
+    if budget is not None:
+        asked["budget"] = positive("budget", budget) / values
     if progress:
         lowest = first.scene_at(find_range(first, between)[0])
         points = values * settings.get("points", SCAN_POINTS)
@@ -284,9 +293,11 @@ def boundary_map(
     store = open_cells(Path(folder) if folder else None)
     while wave:
         cells = {}
+        at_once = 1 if scheduler else min(workers, len(wave))
         for i, beside in wave.items():
             near = expect([searches[j] for j in beside])
-            cells[i] = Search(scenes[i], f"{along} = {at[i]:.4g}", asked | {"near": near})
+            place = f"{along} = {at[i]:.4g}"
+            cells[i] = Search(scenes[i], place, asked | {"near": near}, at_once)
         runner = Cluster(scheduler) if scheduler else Runner(workers)
         failed = run(list(cells.values()), store, runner, show=progress).failed
         if len(failed) == len(cells) and not searches:

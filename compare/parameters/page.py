@@ -23,8 +23,7 @@ FINDING_MARKS = verdict.MARKS | {crossing.BELOW_LEVEL: "good", crossing.ABOVE_LE
 LOOKS = ", ".join(f"{n:,}" for n in search.PATHS_OF_LOOKS)
 SEARCH = {"search": PARAMETER_TEXTS["search"].format(most=search.MOST_VALUES, looks=LOOKS)}
 LONG_RUNS = {
-    "paths": crossing.CROSSING_PATHS,
-    "looks": ", ".join(f"{n:,}" for n in crossing.PERIODS_OF_LOOKS),
+    "looks": ", ".join(f"{n:,}" for n in crossing.PATH_PERIODS_OF_LOOKS),
     "most": search.MOST_VALUES,
 }
 SHARES = ["effect", "low", "high", "small_step", "large_step"]

@@ -19,9 +19,10 @@ from rattle.compare.judge.verdict import JUDGED, Tolerances, Verdict, is_accurat
 from rattle.compare.parameters.finding import by_error
 from rattle.compare.validation.errors import list_errors
 from rattle.montecarlo.diagnostics.reference import Simulated
-from rattle.montecarlo.looks import Looks
+from rattle.montecarlo.kernel.blocks import Budget
+from rattle.montecarlo.looks import BUDGET_ENDED, Looks
 from rattle.montecarlo.statistics.intervals import widest
-from rattle.scene import SECTION, Scene, duration_text
+from rattle.scene import SECTION, Floats, Scene, duration_text
 from rattle.scene.progress import ESTIMATES
 
 PATHS_OF_LOOKS = (4096, 16384, 65536, 262_144, 1_048_576)
@@ -29,6 +30,10 @@ PATHS_OF_LOOKS = (4096, 16384, 65536, 262_144, 1_048_576)
 # fewer paths say only roughly how many would decide, and too little of a branch near which they are
 ROUGH = PATHS_OF_LOOKS[2]
 MOST_VALUES = 40  # values of a search
+SEARCH_BUDGET = 60.0  # core-seconds, by default
+# of what is left of the budget, which one more look at a value may be expected to take: what is too
+# near an edge must not take what narrows the others
+LOOK_SHARE = 0.25
 # share of a tolerance below which it does not matter what a branch that was not seen could change
 SLIGHT = 0.01
 
@@ -87,6 +92,7 @@ def judge_value(
     simulate: Callable[[Scene, int, bool], Simulated],
     z: Widths,
     tolerances: Tolerances,
+    budget: Budget | None = None,
 ) -> JudgedValue:
     """Add paths until a closure is decided at one value, or until what is undecided would take more
     than the last look.
@@ -95,7 +101,8 @@ def judge_value(
     of them near it.
     """
     near_branches = False
-    looks = Looks(PATHS_OF_LOOKS, rough=ROUGH)
+    looks = Looks(PATHS_OF_LOOKS, rough=ROUGH, budget=budget, share=LOOK_SHARE)
+    rows = pd.DataFrame()
     for paths in looks:
         run = simulate(scene, paths, near_branches)
         errors = list_errors([predicted], run, tolerances)
@@ -118,7 +125,10 @@ def judge_value(
             looks.repeat(ROUGH)
         else:
             looks.expect(needed)
-    looks.why = next((text for text in rest["remark"] if text), looks.why)
+    if rows.empty:
+        return JudgedValue(value, Verdict.UNDECIDED, remark=looks.why)
+    if looks.why != BUDGET_ENDED:
+        looks.why = next((text for text in rest["remark"] if text), looks.why)
     return _point(value, Verdict.UNDECIDED, paths, rows)._replace(remark=looks.why)
 
 
@@ -153,8 +163,8 @@ def find_changes(
     near: Iterable[float] = (),
     map_scan: Callable[..., Iterable[Any]] = map,
 ) -> tuple[list[tuple[Any, Any]], pd.DataFrame]:
-    """Scan a range, then halve the logarithm of every change of verdict until it is known to ± a
-    relative width.
+    """Scan a range, its ends first, then halve the logarithm of every change of verdict until it is
+    known to ± a relative width.
 
     Returns pairs of what was judged, that with the verdict `first` before the other, and all that
     was judged.  Values `near` which a change is expected are tried before halving;
@@ -203,7 +213,7 @@ def find_changes(
                 bad = judged
         return good, bad
 
-    scan = list(map_scan(at, np.geomspace(low, high, points)))
+    scan = sorted(map_scan(at, order_ends_first(np.geomspace(low, high, points))))
     decided = [point for point in scan if point.verdict != Verdict.UNDECIDED]
     changes = [
         narrow(a, b) if a.verdict == first else narrow(b, a)
@@ -211,3 +221,13 @@ def find_changes(
         if a.verdict != b.verdict
     ]
     return changes, pd.DataFrame(sorted(known.values())).astype({"verdict": str})
+
+
+def order_ends_first(values: Floats) -> list[float]:
+    """Values such that what a budget leaves out is spread evenly: both ends, then the middle of the
+    widest gap."""
+    order = [0, len(values) - 1]
+    while len(order) < len(values):
+        gaps = [(b - a, a + b) for a, b in pairwise(sorted(order))]
+        order.append(max(gaps)[1] // 2)
+    return [float(values[k]) for k in order]

@@ -5,14 +5,19 @@ import math
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from functools import partial
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
 
+from rattle.compare.parameters.changed_motion import (
+    GROUPS,
+    PATHS_OF_A_GROUP,
+    ChangedMotion,
+    Shared,
+    count_work,
+)
 from rattle.compare.parameters.finding import Finding, quantity_words, value_text
-from rattle.compare.stationary.measure import stationary
 from rattle.compare.stationary.result import unit_of
 from rattle.compare.study.parameters import (
     CHANGE,
@@ -22,11 +27,10 @@ from rattle.compare.study.parameters import (
     choose_parameters,
     find_parameter,
 )
-from rattle.montecarlo.long_run import expect_run
+from rattle.montecarlo.kernel.blocks import Budget
 from rattle.montecarlo.long_run.estimates import all_names
 from rattle.montecarlo.looks import begin_budget
 from rattle.montecarlo.seed import Rng, read_whole_seed
-from rattle.montecarlo.settings import is_random
 from rattle.montecarlo.statistics.intervals import CONFIDENCE, half_width, tail_of
 from rattle.scene import (
     Floats,
@@ -45,21 +49,21 @@ from rattle.scene.progress import ESTIMATES, ProgressBar, do
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-# of each long run; a group is one long run of every scene
-GROUP_PATHS = 32
-GROUP_PERIODS = 64
-# independent groups after which the intervals are looked at
-GROUPS_OF_LOOKS = (4, 6, 9, 13, 19, 28, 42, 64)
 EFFECT_ACCURACY = 0.001
+SENSITIVITY_BUDGET = 60.0  # core-seconds, by default
 BENT_SHARE = 0.1  # share of an effect by which the two steps must differ to call it not linear
-
-
-class _Job(NamedTuple):
-    """A long run of a group: of the scene itself, or with one parameter changed."""
-
-    name: str  # empty for the scene itself
-    factor: float
-    scene: Scene
+# of the budget that may be planned for by counted work; the rest is for what nobody counts
+COUNTED_SHARE = 0.8
+# of what is planned, for a first look at all parameters; the rest goes where intervals are wide
+FIRST_SHARE = 0.6
+# periods after the burn-in at which all parameters are looked at first, at the least and at the
+# most, and those after which none is followed further
+FEWEST_PERIODS = 2
+WANTED_PERIODS = 6
+FIRST_PERIODS = 64
+LONGEST_PERIODS = 4096
+SETTLE_PERIODS = 24  # of the unchanged motion: its burn-in, and what follows
+ESTIMATE_SECONDS = 0.0025  # nominal, of the quantities of a group
 
 
 @numpy_defaults
@@ -186,7 +190,7 @@ def sensitivity(
     parameters: Sequence[str] | None = None,
     accuracy: float = EFFECT_ACCURACY,
     slow: float = 0.1,
-    budget: float | None = None,
+    budget: float | None = SENSITIVITY_BUDGET,
     rng: Rng = 0,
     workers: int = 1,
     progress: str | None = None,
@@ -215,7 +219,9 @@ def sensitivity(
     slow : float
         Speed below which an impact counts as slow; of gears it stays the same in mm/s.
     budget : float, optional
-        Seconds of processor time after which no more groups of runs are begun.
+        Seconds of processor time, all threads together; compiling is not counted.  All parameters
+        are looked at first, then those with wide intervals are followed further, so that a smaller
+        budget gives wider intervals.  None for no limit.
     rng : int, SeedSequence, Generator or BitGenerator
         Seed; a generator of numpy gives a child of its seed sequence, another one each time.
         The result is the same for any number of workers.
@@ -242,7 +248,7 @@ def sensitivity(
     >>> scene = Scene.from_gears(DAT21, sigma=0.5)
     >>> found = sensitivity(scene, quantities=["rate_above"], parameters=["omega"], accuracy=0.01)
     >>> found.table["parameter"].tolist(), found.groups
-    (['omega'], 4)
+    (['omega'], 16)
     """
     check_scene(scene)
     compile_ahead.expect("sensitivity", len(scene.drive))
@@ -253,88 +259,180 @@ def sensitivity(
         choice("quantities", name, all_names(scene.stages))
     chosen = choose_parameters(scene, parameters)
     positive("accuracy", accuracy)
-    time_left = begin_budget(budget)
+    positive("slow", slow)
+    limit = begin_budget(budget)
     remarks: dict[str, str] = {}
-    jobs = [_Job("", 1.0, scene)]
+    motions: dict[str, list[ChangedMotion]] = {}
     for name, parameter in chosen.items():
         try:
             scenes = change_scenes(parameter, RELATIVE_CHANGES)
-            jobs += [_Job(name, factor, changed) for factor, changed in scenes.items()]
+            motions[name] = [ChangedMotion(one, name, factor) for factor, one in scenes.items()]
         except InputError as error:
             remarks[name] = f"cannot be changed by {RELATIVE_CHANGES[1]:.0%}: {error}"
-    if progress and is_random(scene):
-        _state_estimate(progress, scene, GROUPS_OF_LOOKS[0] * len(jobs), slow)
-    of_parameter = np.array([job.name for job in jobs])
-    runs: list[list[Floats]] = []  # logarithms of the quantities, for each group and job
-    bar = ProgressBar(label=progress, unit="run")
-    with ThreadPoolExecutor(workers) as pool, bar:
-        for groups in GROUPS_OF_LOOKS:
-            bar.total = groups * len(jobs)
-            for group in range(len(runs), groups):
-                runs.append([])
-                stream = np.random.SeedSequence([seed, group])
-                call = partial(_run, scene=scene, asked=asked, slow=slow, rng=stream)
-                for job, (values, why) in zip(jobs, pool.map(call, jobs), strict=True):
-                    runs[group].append(values)
-                    if why:
-                        remarks.setdefault(job.name, why)
-                    bar.update()
-            logs = np.array(runs)
-            changed = {name: logs[:, of_parameter == name] for name in chosen}
-            table = _effects(chosen, asked, changed, remarks)
-            half = 0.5 * (table["high"] - table["low"])
-            reached = not bool((half > accuracy).any())
-            if reached or time_left.remaining < 0.0 or bool((table["se"].fillna(0.0) == 0.0).all()):
+    bar = ProgressBar(label=progress, unit="period")
+    with ThreadPoolExecutor(workers) as pool, ThreadPoolExecutor(workers) as inner, bar:
+        search = _Search(scene, motions, asked, slow, seed, limit, pool, inner, bar, progress)
+        search.look_first()
+        while True:
+            table = search.find_effects(chosen, remarks)
+            widest = (0.5 * (table["high"] - table["low"])).groupby(table["parameter"]).max()
+            if not search.refine(widest[widest > accuracy]):
                 break
-    said = (
-        f"{len(runs)} groups of {len(jobs)} long runs,"
-        f" {GROUP_PATHS} paths of {GROUP_PERIODS} periods each;"
-        f" widest interval ± {half.max():.2g} for {PERCENT} of a parameter"
-        + ("" if reached else f", NOT the {accuracy:g} asked for")
-    )
-    values_now = _values(scene, asked, np.exp(logs[:, 0]))
-    return Sensitivity(scene, table, values_now, len(runs), reached, f"{said}.")
+    half = float(widest.max())
+    reached = not ((widest > accuracy).any() or search.left_out)
+    said = search.describe(half, accuracy, reached)
+    values_now = _values(scene, asked, np.exp(search.base.logs(asked, search.groups)))
+    return Sensitivity(scene, table, values_now, search.groups, reached, said)
 
 
-def _state_estimate(label: str, scene: Scene, runs: int, slow: float) -> None:
-    """State what so many long runs are expected to take, as those of the scene itself."""
-    do(f"{label}: timing a few paths")
-    seconds = runs * expect_run(scene, GROUP_PATHS, GROUP_PERIODS, slow=slow).core_seconds
-    time = f"about {duration_text(seconds, 2)} of processor time"
-    more = GROUPS_OF_LOOKS[-1] // GROUPS_OF_LOOKS[0]
-    longer = f"up to {more} times as many where the accuracy needs them"
-    ESTIMATES.info("%s", f"{label}: {runs} long runs at the least, {time}; {longer}")
+class _Search:
+    """The motions that are compared, and how far each is followed.
+
+    How far is planned by counted work, so that the clock only ends what takes longer than expected.
+    `left_out`: parameters for which the budget was too small.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        motions: dict[str, list[ChangedMotion]],
+        asked: list[str],
+        slow: float,
+        seed: int,
+        limit: Budget,
+        pool: ThreadPoolExecutor,
+        inner: ThreadPoolExecutor,
+        bar: ProgressBar,
+        progress: str | None,
+    ) -> None:
+        self.motions = motions
+        self.asked = asked
+        self.base = ChangedMotion(scene)
+        self.left_out: list[str] = []
+        self._limit = limit
+        self._pool = pool
+        self._bar = bar
+        self._planned = COUNTED_SHARE * limit.seconds  # core-seconds that are left to plan
+        self._shared: Shared | None = None
+        changed = [motion for four in motions.values() for motion in four]
+        self.groups = GROUPS[0]
+        if self.base.find_exact(slow):
+            list(pool.map(lambda one: one.find_exact(same_speed(slow, scene, one.scene)), changed))
+            return
+        do("sensitivity: timing a few paths")
+        with limit.pause():
+            self._work = PATHS_OF_A_GROUP * count_work(scene, slow)  # of a period of a group
+        least = len(changed) * WANTED_PERIODS + SETTLE_PERIODS
+        fitting = [n for n in GROUPS if n * self._work * least <= FIRST_SHARE * self._planned]
+        self.groups = max(fitting, default=GROUPS[-1])
+        if progress:
+            self._state_estimate(progress, len(changed))
+        do("sensitivity: the motion as it is")
+        self._shared = Shared(scene, slow, seed, self.groups, limit, inner, bar)
+        self._planned -= self.groups * self._work * self._shared.base.elapsed
+
+    def _state_estimate(self, label: str, changed: int) -> None:
+        """State how many motions are followed, and what they may take at the most."""
+        limit = "no limit"
+        if math.isfinite(self._limit.seconds):
+            limit = f"at most {duration_text(self._limit.seconds)} of processor time"
+        paths = PATHS_OF_A_GROUP * self.groups
+        ESTIMATES.info("%s", f"{label}: {changed + 1} motions of {paths} paths each, {limit}")
+
+    def _cost(self, periods: float) -> float:
+        """Counted core-seconds of so many periods of the motions of a parameter."""
+        return 2 * len(RELATIVE_CHANGES) * self.groups * (self._work * periods + ESTIMATE_SECONDS)
+
+    def look_first(self) -> None:
+        """Follow all motions equally far, or as many of them as the budget allows."""
+        if self._shared is None:
+            return
+        burn_in = self._shared.burn_in
+        room = FIRST_SHARE * self._planned / max(len(self.motions), 1)
+        periods = FIRST_PERIODS
+        while periods > FEWEST_PERIODS and self._cost(burn_in + periods) > room:
+            periods -= 1
+        affordable = max(self._planned / self._cost(burn_in + periods), 1.0)
+        names = list(self.motions)
+        if affordable < len(names):
+            self.left_out = names[int(affordable) :]
+            names = names[: int(affordable)]
+        self.base.follow(self._shared, periods)
+        self._follow(dict.fromkeys(names, periods), burn_in)
+
+    def refine(self, wide: pd.Series) -> bool:
+        """Follow the parameters with the widest intervals further; False if none can be.
+
+        Shapes: `wide` (parameters,).
+        """
+        until = {}
+        room = self._planned
+        for name in wide.sort_values(ascending=False).index:
+            periods = max(motion.periods for motion in self.motions.get(str(name), [self.base]))
+            cost = self._cost(periods)
+            if 0 < periods < LONGEST_PERIODS and cost <= room:
+                room -= cost
+                until[str(name)] = 2 * periods
+        if not until or self._limit.remaining <= 0.0:
+            return False
+        self._follow(until, 0)
+        return True
+
+    def _follow(self, until: dict[str, int], burn_in: int) -> None:
+        """Follow the motions of some parameters until so many periods after their burn-in."""
+        shared = self._shared
+        assert shared is not None
+        jobs = [
+            (motion, periods) for name, periods in until.items() for motion in self.motions[name]
+        ]
+        before = {name: self.motions[name][0].periods for name in until}
+        missing = sum(until[name] - before[name] + burn_in for name in until)
+        self._bar.total = self._bar.n + 2 * len(RELATIVE_CHANGES) * missing
+        list(self._pool.map(lambda job: job[0].follow(shared, job[1]), jobs))
+        self._planned -= sum(self._cost(until[name] - before[name] + burn_in) for name in until)
+
+    def find_effects(self, chosen: dict[str, Parameter], remarks: dict[str, str]) -> pd.DataFrame:
+        """The effects as far as the motions have been followed."""
+        ended = "the budget ended before it was changed"
+        logs = {}
+        for name, four in self.motions.items():
+            why = next((motion.why for motion in four if motion.why), "")
+            unfinished = any(not (motion.periods or motion.is_exact) for motion in four)
+            if why or unfinished:
+                remarks[name] = why or ended
+                if not why and name not in self.left_out:
+                    self.left_out.append(name)
+                continue
+            logs[name] = np.stack([one.logs(self.asked, self.groups) for one in four], axis=1)
+        return _effects(chosen, self.asked, logs, remarks)
+
+    def describe(self, half: float, accuracy: float, reached: bool) -> str:
+        """What was simulated, what it gives, and what a larger budget would give."""
+        four = [motion for motions in self.motions.values() for motion in motions]
+        if self._shared is None:
+            return "Without noise the motions are exact."
+        periods = [motion.periods for motion in four if motion.periods] or [0]
+        said = (
+            f"{self.groups} independent groups of {PATHS_OF_A_GROUP} paths of each of"
+            f" {len(four) + 1} motions, {min(periods)} to {max(periods)} periods after a burn-in of"
+            f" {self._shared.burn_in}; widest interval ± {half:.2g} for {PERCENT} of a parameter"
+        )
+        if reached:
+            return f"{said}."
+        said += f", NOT the {accuracy:g} asked for."
+        if self.left_out:
+            said += f" The budget ended before {', '.join(self.left_out)} could be changed."
+        if not math.isfinite(self._limit.seconds):
+            return said
+        longer = max((half / accuracy) ** 2, 2.0) if half > accuracy else 2.0
+        more = duration_text(longer * self._limit.seconds, 2)
+        return f"{said} A budget of about {more} of processor time would suffice."
 
 
 def change_scenes(parameter: Parameter, steps: tuple[float, float]) -> dict[float, Scene]:
     """The scenes with a parameter changed down and up by each step, by what it is multiplied by."""
     factors = [1.0 + sign * step for step in steps for sign in (-1.0, 1.0)]
     return {factor: parameter.scene_at(factor * parameter.value) for factor in factors}
-
-
-def _run(
-    job: _Job, scene: Scene, asked: list[str], slow: float, rng: np.random.SeedSequence
-) -> tuple[Floats, str]:
-    """Logarithms of the quantities in physical units, or why there are none; -inf where a quantity
-    is 0."""
-    nothing = np.full(len(asked), np.nan)
-    there = same_speed(slow, scene, job.scene)
-    try:
-        found = stationary(
-            job.scene, periods=GROUP_PERIODS, paths=GROUP_PATHS, slow=there, closures=(), rng=rng
-        )
-    except InputError as error:  # no stationary motion is reached
-        if not job.name:
-            raise
-        return nothing, str(error)
-    if found.kind == "rest":
-        if not job.name:
-            why = found.said.removeprefix("At rest: ")
-            raise InputError("scene", "at rest", f"{why} Give a larger drive or less drag")
-        return nothing, f"comes to rest at {job.factor - 1.0:+.0%}"
-    factors = [unit_of(name, job.scene.gears, "physical")[1] for name in asked]
-    with np.errstate(divide="ignore"):
-        return np.log(factors * found.table["value"].reindex(asked).fillna(0.0).to_numpy()), ""
 
 
 EFFECTS = ["effect", "low", "high", "small_step", "large_step"]
@@ -353,11 +451,11 @@ def _effects(
     rows = []
     for i, quantity in enumerate(asked):
         for name, parameter in chosen.items():
-            values = logs[name][:, :, i]
             remark = remarks.get(name, "")
-            if not remark and not np.isfinite(values).all():
+            if not remark and not np.isfinite(logs[name][:, :, i]).all():
                 remark = "no such impacts"
-            effect = {} if remark else _effect(values, len(chosen) * len(asked))
+            checks = len(chosen) * len(asked)
+            effect = {} if remark else _effect(logs[name][:, :, i], checks)
             place = {"quantity": quantity, "parameter": name}
             now = {"value": parameter.value, "unit": parameter.unit}
             rows.append(place | now | effect | {"remark": remark})

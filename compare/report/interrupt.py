@@ -12,6 +12,7 @@ from contextlib import contextmanager
 from traceback import walk_stack
 from types import FrameType
 
+from rattle.montecarlo.kernel.blocks import BudgetEnded
 from rattle.scene.progress import is_drawn
 
 EXIT_INTERRUPTED = 130
@@ -60,10 +61,6 @@ def ends_soon() -> Iterator[None]:
         yield
     finally:
         signal.signal(signal.SIGINT, before)
-
-
-class BudgetEnded(BaseException):
-    """Raised by `stop_after`; no ``except Exception`` of a function of one's own catches it."""
 
 
 @contextmanager

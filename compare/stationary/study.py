@@ -1,6 +1,7 @@
 """Studies of the long run at each point of a grid: cells, tables, what their page says, and the
 kind ``stationary``."""
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -28,7 +29,7 @@ from rattle.compare.stationary.verdicts import (
 from rattle.compare.study.design import Study, list_reasons, with_coordinates
 from rattle.compare.study.figures import label_field, panels
 from rattle.compare.study.folder import Drawing
-from rattle.montecarlo.kernel.blocks import Blocks
+from rattle.montecarlo.kernel.blocks import Blocks, Budget, BudgetEnded
 from rattle.montecarlo.long_run.paths import IMPACT_SECONDS
 from rattle.montecarlo.long_run.run import LONG_RUN_ACCURACY, LONG_RUN_PATHS, check_long_run
 from rattle.scene import InputError, Scene
@@ -48,6 +49,7 @@ PAGE = "rattle.compare.stationary.study"
 TEMPLATE = "stationary/study.j2"
 WORDS = (*CLOSURE_TERMS, *VERDICT_TERMS, "exact flight", "σ", "ε", "orbit")
 MAIN_QUANTITIES = ("rate", "speed", "energy_per_period", "slow_share")  # those of the page
+LEAST_SECONDS = 1e-3  # of a budget; what is spent already leaves none
 TYPICAL_SPREAD = 2.0  # typical sd over mean of what is averaged, with its autocorrelation
 
 
@@ -82,6 +84,8 @@ class LongCell(Cell):
     paths: int = LONG_RUN_PATHS
     burn_in: int | None = None
     slow: float = 0.1
+    # time that it may take: what does not fit is no result, so that it is no part of the key
+    limit: Budget | None = None
 
     @property
     def asked(self) -> dict[str, Any]:
@@ -92,7 +96,8 @@ class LongCell(Cell):
     def settings(self) -> dict[str, Any]:
         """Everything that determines the result besides the scene, and the columns that are
         stored."""
-        settings = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "scene"}
+        names = [f.name for f in fields(self) if f.name not in ("scene", "limit")]
+        settings = {name: getattr(self, name) for name in names}
         return {"kind": "stationary", **settings, "columns": [*ESTIMATE_COLUMNS, *PREDICTED]}
 
     @property
@@ -106,11 +111,21 @@ class LongCell(Cell):
         )
 
     def evaluate(self, blocks: Blocks | None = None) -> tuple[pd.DataFrame, dict[str, Any]]:
-        """Follow the long run."""
-        result = stationary(
-            self.scene.phase_reduced, **self.asked, closures=self.closures, rng=self.seed
-        )
+        """Follow the long run; raises BudgetEnded if it does not fit the budget."""
+        budget = None
+        if self.limit is not None and math.isfinite(self.limit.seconds):
+            budget = max(self.limit.remaining, LEAST_SECONDS)
+        asked = self.asked | {"closures": self.closures, "budget": budget}
+        try:
+            result = stationary(self.scene.phase_reduced, **asked, rng=self.seed)
+        except InputError as error:
+            # a burn-in that took more than half of it was refused for want of the rest
+            if self.limit and budget and self.limit.remaining < 0.5 * budget:
+                raise BudgetEnded from error
+            raise
         run = result.run
+        if run is not None and self.periods is not None and run.periods < self.periods:
+            raise BudgetEnded
         parts = [result.table.reset_index().assign(closure="")]
         if run is not None:
             # where it stopped depends on wall time

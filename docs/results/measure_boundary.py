@@ -80,7 +80,7 @@ def main():
     study = sum(steps * one.paths / COUNTED for steps, one in zip(counted, samples, strict=True))
     rows = []
     for seed in SEEDS:
-        found = boundary(SCENE, rng=seed, folder=CELLS)
+        found = boundary(SCENE, rng=seed, folder=CELLS, budget=None)
         for edge in found.edges:
             rows.append(
                 {

@@ -66,6 +66,11 @@ def clock() -> float:
     return time.process_time()
 
 
+class BudgetEnded(BaseException):
+    """The budget ended before there is a result; no ``except Exception`` of a function of one's own
+    catches it."""
+
+
 class Budget:
     """A time budget that starts now, and what is left of it.
 
@@ -100,3 +105,15 @@ class Budget:
                     return
 
         return until_spent
+
+    def require(self, blocks: Blocks) -> Blocks:
+        """The same blocks, but `BudgetEnded` is raised in place of those that the budget does not
+        allow, so that nothing unfinished is taken for a result."""
+
+        def all_or_none(plan: Plan, first: int) -> Iterator[tuple[BlockResult, Floats | None]]:
+            for number, result in enumerate(blocks(plan, first), start=first + 1):
+                yield result
+                if self.remaining <= 0.0 and number < plan.blocks:
+                    raise BudgetEnded
+
+        return all_or_none

@@ -15,7 +15,7 @@ from rattle.compare.parameters.crossing import (
     ABOVE_LEVEL,
     BELOW_LEVEL,
     CROSSING_PATHS,
-    PERIODS_OF_LOOKS,
+    PATH_PERIODS_OF_LOOKS,
     Crossing,
     SideOfLevel,
     judge_level,
@@ -44,13 +44,13 @@ def long_result(value, se, kind="simulated", periods=64):
 def test_runs_are_lengthened_until_a_value_is_decided(true, verdict):
     seen = []
 
-    def run(periods):
-        seen.append(periods)
-        return long_result(true, 0.02 / math.sqrt(periods / PERIODS_OF_LOOKS[0]))
+    def run(paths, periods):
+        seen.append(paths * periods)
+        return long_result(true, 0.02 / math.sqrt(seen[-1] / PATH_PERIODS_OF_LOOKS[0]))
 
     found = judge_level(1.0, "rate_above", 1.0, run)
     assert (found.verdict, found.remark == "") == (verdict, verdict != Verdict.UNDECIDED)
-    assert seen == list(PERIODS_OF_LOOKS[: len(seen)])
+    assert seen == list(PATH_PERIODS_OF_LOOKS[: len(seen)])
     far_or_never_decided = abs(true - 1.0) > 0.1 or true == 1.0
     assert (len(seen) == 1) == far_or_never_decided
 
@@ -61,7 +61,7 @@ def test_the_share_of_wrong_statements_is_the_stated_one():
     rng = np.random.default_rng(3)
     result = long_result(1.0, 0.01)
 
-    def look(periods):
+    def look(paths, periods):
         result.table["value"] = 1.0 + 0.01 * rng.standard_t(CROSSING_PATHS - 1)
         return result
 
@@ -74,13 +74,13 @@ def test_the_share_of_wrong_statements_is_the_stated_one():
 
 
 def test_no_impact_is_a_poisson_count_and_exact_values_are_exact():
-    found = judge_level(1.0, "rate_above", 1e-2, lambda n: long_result(0.0, 0.0, periods=n))
+    found = judge_level(1.0, "rate_above", 1e-2, lambda _, n: long_result(0.0, 0.0, periods=n))
     assert (found.verdict, found.estimate) == (BELOW_LEVEL, 0.0)
     assert 0.0 < found.high < 1e-2
-    nearer = judge_level(1.0, "rate_above", 1e-9, lambda n: long_result(0.0, 0.0, periods=n))
+    nearer = judge_level(1.0, "rate_above", 1e-9, lambda _, n: long_result(0.0, 0.0, periods=n))
     assert nearer.verdict == Verdict.UNDECIDED
     exact = long_result(0.5000001, 0.0, "periodic")
-    assert judge_level(1.0, "rate_above", 0.5, lambda _: exact).verdict == ABOVE_LEVEL
+    assert judge_level(1.0, "rate_above", 0.5, lambda *_: exact).verdict == ABOVE_LEVEL
 
 
 def test_the_crossing_is_between_its_two_values(results):

@@ -1,0 +1,230 @@
+"""The stationary motion of a scene, and of the same scene with one parameter changed, in
+independent groups of paths that share their random numbers.
+
+Each scene is followed by paths of its own, which go on where they stopped: the burn-in is left out
+once, and a longer run costs only what it adds.
+"""
+
+import math
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+
+from rattle.compare.stationary.measure import stationary
+from rattle.compare.stationary.result import unit_of
+from rattle.montecarlo.kernel.blocks import Budget
+from rattle.montecarlo.long_run import AtRest
+from rattle.montecarlo.long_run.estimates import estimates
+from rattle.montecarlo.long_run.paths import LongPaths, warm_up
+from rattle.montecarlo.long_run.run import LEAST_IMPACTS, drift, settle
+from rattle.montecarlo.long_run.sums import NUMBER, Collected, Scales, scales_of_pilot
+from rattle.montecarlo.settings import is_random
+from rattle.scene import Floats, InputError, Scene
+from rattle.scene.changes import same_speed
+from rattle.scene.progress import ProgressBar
+
+PATHS_OF_A_GROUP = 2  # the fewest of which a quantity has a value
+GROUPS = (16, 8, 4)
+"""Independent groups, as many as the budget allows: Student's t with three degrees of freedom is
+half as wide again as with fifteen."""
+TEST_PERIODS = 16  # of the unchanged scene; those of their last half set the scales for all scenes
+PROBED_PERIODS = 2
+MEMORIES = (1, 2, 4)
+"""Periods after which the paths may have forgotten their start."""
+
+
+class Shared:
+    """What all the scenes share: random numbers, groups, burn-in and scales.
+
+    `burn_in`: periods that are left out. `base`: the paths of the unchanged scene.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        slow: float,
+        seed: int,
+        groups: int,
+        limit: Budget,
+        pool: ThreadPoolExecutor,
+        bar: ProgressBar,
+    ) -> None:
+        self.scene = scene
+        self.slow = slow
+        self.groups = groups
+        self._seed = seed
+        self._limit = limit
+        self._pool = pool
+        self._bar = bar
+        self.base = self.begin(scene)
+        self.burn_in, scales = self._settle()
+        self._scales = scales
+
+    @property
+    def paths(self) -> int:
+        """Paths of each scene."""
+        return PATHS_OF_A_GROUP * self.groups
+
+    def begin(self, scene: Scene) -> LongPaths:
+        """New paths of a scene, with the random numbers that all share."""
+        stream = np.random.SeedSequence(self._seed)
+        slow = same_speed(self.slow, self.scene, scene)
+        return LongPaths(scene, self.paths, stream, slow, self._limit, self._pool, self._bar)
+
+    def scales(self, slow: float) -> Scales:
+        """The scales of distributions, for a scene in which this speed is slow."""
+        return self._scales._replace(slow=slow)
+
+    def _settle(self) -> tuple[int, Scales]:
+        """Find the burn-in and the scales on the unchanged scene.
+
+        Changes of a few per cent leave the memory of a motion as it is, and all scenes begin in the
+        same states, so that what the start leaves behind is the same in all of them.
+        """
+        base = self.base
+        seen: list[Floats] = []
+        base.follow(TEST_PERIODS // 2)
+        base.follow(TEST_PERIODS, seen)
+        memory = self._find_memory()
+        if not memory:
+            try:
+                settle(base, None)
+            except AtRest as rest:
+                why = f"{rest.remedy}. Give a larger drive or less drag"
+                raise InputError("scene", "at rest", why) from None
+            memory = base.main.shape[1] // 4 * base.length
+            seen.clear()
+            base.begin()
+            base.follow(TEST_PERIODS // 2, seen)
+        if not seen:
+            raise base.unaffordable(f"{TEST_PERIODS} periods that set the scales", TEST_PERIODS)
+        scales = scales_of_pilot(np.concatenate(seen), self.slow)
+        base.begin(scales)
+        return 2 * memory, scales  # twice, for what the test cannot see
+
+    def _find_memory(self) -> int:
+        """Periods after which the paths have forgotten their start; 0 where none that were followed
+        suffice."""
+        main = self.base.main
+        late = slice(TEST_PERIODS // 2, TEST_PERIODS)
+        impacts = float(main[:, late, NUMBER].sum()) / len(main)
+        if main.shape[1] < TEST_PERIODS or impacts < LEAST_IMPACTS:
+            return 0
+        forgotten = (k for k in MEMORIES if drift(main, slice(k, 2 * k), late).reached)
+        return next(forgotten, 0)
+
+
+def count_work(scene: Scene, slow: float) -> float:
+    """Nominal processor time of a period of one path, from the impacts of a few paths."""
+    warm_up(scene, slow)
+    with ThreadPoolExecutor(1) as pool, ProgressBar() as bar:
+        few = GROUPS[-1]
+        seed = np.random.SeedSequence(0)
+        paths = LongPaths(scene, few, seed, slow, Budget(math.inf), pool, bar)
+        paths.follow(PROBED_PERIODS)
+        paths.begin()
+        paths.follow(PROBED_PERIODS)
+        return paths.nominal / few
+
+
+class ChangedMotion:
+    """The motion with one parameter changed, or the motion as it is.
+
+    `name`, `factor`: the parameter, and what it is multiplied by. `why`: why there are no values.
+    """
+
+    def __init__(self, scene: Scene, name: str = "", factor: float = 1.0) -> None:
+        self.scene = scene
+        self.name = name
+        self.factor = factor
+        self.why = ""
+        self._exact: dict[str, float] = {}
+        self._paths: LongPaths | None = None
+        self._logs: tuple[int, Floats] = (0, np.empty(0))
+
+    @property
+    def periods(self) -> int:
+        """Periods after the burn-in; 0 before any, and where the motion is exact."""
+        return self._paths.periods if self._paths else 0
+
+    @property
+    def is_exact(self) -> bool:
+        """Whether nothing is sampled."""
+        return bool(self._exact)
+
+    def nominal(self) -> float:
+        """Nominal processor time of a period; 0 where nothing is followed."""
+        return self._paths.nominal if self._paths and self.periods else 0.0
+
+    def find_exact(self, slow: float) -> bool:
+        """Whether nothing is random and the motion has exact values, which are kept."""
+        if is_random(self.scene):
+            return False
+        try:
+            motion = stationary(self.scene, periods=64, paths=16, slow=slow, closures=())
+        except InputError as error:  # no stationary motion is reached
+            if not self.name:
+                raise
+            self.why = str(error)
+            return True
+        if motion.kind == "rest":
+            self._rest(motion.said.removeprefix("At rest: "))
+            return True
+        if motion.kind == "simulated":  # irregular without noise
+            return False
+        self._exact = {str(name): value for name, value in motion.table["value"].items()}
+        return True
+
+    def follow(self, shared: Shared, until: int) -> None:
+        """Follow the paths until so many periods after the burn-in, as far as the budget goes."""
+        if self._exact or self.why:
+            return
+        if self._paths is None:
+            paths = shared.base if not self.name else shared.begin(self.scene)
+            if self.name:
+                paths.follow(shared.burn_in)
+                if paths.periods < shared.burn_in:
+                    return
+                paths.begin(shared.scales(paths.slow))
+            self._paths = paths
+        self._paths.follow(until)
+        if self.periods and not self._paths.main[:, :, NUMBER].any() and self._paths.at_rest():
+            self._rest(f"it stays closed for {until} periods.")
+
+    def _rest(self, how: str) -> None:
+        if not self.name:
+            raise InputError("scene", "at rest", f"{how} Give a larger drive or less drag")
+        self.why = f"comes to rest at {self.factor - 1.0:+.0%}"
+
+    def logs(self, names: list[str], groups: int) -> Floats:
+        """Logarithms of quantities in physical units, by group; -inf where one is 0, and NaN where
+        there are none.
+
+        Shapes: result (groups, quantities).
+        """
+        periods, logs = self._logs
+        if self._exact or self.why or not self.periods:
+            missing = 0.0 if self._exact else math.nan
+            with np.errstate(divide="ignore"):
+                value = np.log([self._exact.get(name, missing) for name in names])
+            return np.tile(value + self._units(names), (groups, 1))
+        if periods != self.periods:
+            assert self._paths is not None
+            parts = _split(self._paths.collect(), groups)
+            found = [estimates(part, tuple(names)) for part in parts]
+            values = [[of[n].value if n in of else 0.0 for n in names] for of in found]
+            with np.errstate(divide="ignore"):
+                logs = np.log(values) + self._units(names)
+            self._logs = self.periods, logs
+        return logs
+
+    def _units(self, names: list[str]) -> Floats:
+        """Logarithms of the units."""
+        return np.log([unit_of(name, self.scene.gears, "physical")[1] for name in names])
+
+
+def _split(c: Collected, groups: int) -> list[Collected]:
+    """The sums of each group of paths."""
+    fields = ("main", "power", "products", "histogram", "section")
+    parts = zip(*(np.split(getattr(c, name), groups) for name in fields), strict=True)
+    return [c._replace(**dict(zip(fields, part, strict=True))) for part in parts]

@@ -1,0 +1,94 @@
+"""A budget bounds the work that is counted, and what is returned has intervals.
+
+The processor's time is counted in impacts, three times slower than this one."""
+
+import time
+
+import numpy as np
+import pytest
+
+from rattle import Gears, Scene, crossing, sensitivity
+from rattle.montecarlo.kernel.blocks import Budget
+from rattle.montecarlo.long_run import paths as long_paths
+from rattle.montecarlo.long_run.sums import NUMBER
+from rattle.montecarlo.long_run.walk import Walk
+from rattle.montecarlo.looks import BUDGET_ENDED, Looks
+
+CHATTERING = Scene.from_gears(
+    Gears.driven(
+        amplitude_rad=0.014,
+        driver_radius=32.0,
+        omega=167.6,
+        epsilon=0.5,
+        inertia1=950.0,
+        inertia2=620.0,
+        radius1=38.0,
+        radius2=30.0,
+        backlash1=0.12,
+        backlash2=0.10,
+        damping1=0.06,
+        damping2=0.05,
+        torque1=40.0,
+        torque2=30.0,
+    ),
+    sigma=0.15,
+)
+SLOWER = 3.0
+BUDGET = 5.0
+MOST = 1.1 * BUDGET + 1.0
+
+
+@pytest.fixture
+def spent(monkeypatch):
+    """The processor time that impacts take, in place of that of the process."""
+    seconds = long_paths.IMPACT_SECONDS * SLOWER
+    impacts = [0.0]
+    follow = Walk.follow
+
+    def counted(walk, sums, *how, **more):
+        before = sums.main[:, :, NUMBER].sum()
+        follow(walk, sums, *how, **more)
+        impacts[0] += sums.main[:, :, NUMBER].sum() - before
+
+    def clock():
+        return impacts[0] * seconds
+
+    monkeypatch.setattr(Walk, "follow", counted)
+    monkeypatch.setattr(long_paths, "IMPACT_SECONDS", seconds)
+    monkeypatch.setattr(time, "process_time", clock)
+    return clock
+
+
+def test_a_sensitivity_keeps_its_budget(spent):
+    found = sensitivity(CHATTERING, quantities=["power"], budget=BUDGET, rng=3)
+    assert 0.5 * BUDGET < spent() < MOST
+    known = found.table.dropna(subset="effect")
+    assert np.isfinite(known[["low", "high"]]).all(axis=None)
+    assert len(known) >= 1
+    unknown = found.table[found.table["effect"].isna()]
+    assert set(unknown["remark"]) == {"the budget ended before it was changed"}
+    assert "The budget ended before" in found.said
+    assert "would suffice" in found.said
+
+
+def test_a_crossing_keeps_its_budget(spent):
+    found = crossing(
+        CHATTERING, quantity="power", level=100.0, over="amplitude", budget=BUDGET, points=3
+    )
+    assert spent() < MOST
+    seen = found.points[found.points["remark"] != BUDGET_ENDED]
+    assert np.isfinite(seen[["low", "high"]]).all(axis=None)
+    assert any("A larger budget" in sentence for sentence in found.answer)
+
+
+def test_a_look_that_would_take_too_much_of_the_budget_is_not_begun(monkeypatch):
+    now = [0.0]
+    monkeypatch.setattr(time, "process_time", lambda: now[0])
+    looks = Looks((1, 4, 16, 64), budget=Budget(40.0), share=0.5)
+    seen = []
+    for size in looks:
+        seen.append(size)
+        now[0] += size
+    assert seen == [1, 4, 16]
+    assert looks.why == BUDGET_ENDED
+    assert now[0] == 21.0
