@@ -46,14 +46,32 @@ def measure(tree: Path, gears: str, words: list[str], kept: Path) -> tuple[float
     environment |= {"PYTHONPATH": str(tree), "NUMBA_CACHE_DIR": str(kept)}
     with tempfile.TemporaryDirectory() as folder:
         Path(folder, "gears.toml").write_text(gears, encoding="utf-8")
-        before = resource.getrusage(resource.RUSAGE_CHILDREN)
-        began = time.perf_counter()
-        subprocess.run(
-            [sys.executable, *words], cwd=folder, env=environment, check=True, capture_output=True
-        )
-        took = time.perf_counter() - began
-        after = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime, took
+        with ChildrenSeconds() as seconds:
+            subprocess.run(
+                [sys.executable, *words],
+                cwd=folder,
+                env=environment,
+                check=True,
+                capture_output=True,
+            )
+    return seconds.processor, seconds.wall
+
+
+class ChildrenSeconds:
+    """Context that measures the processor seconds of the processes that it starts, and the wall
+    seconds."""
+
+    def __enter__(self) -> "ChildrenSeconds":
+        self._began = self._now()
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        spent = [end - begin for end, begin in zip(self._now(), self._began, strict=True)]
+        self.processor, self.wall = spent
+
+    def _now(self) -> tuple[float, float]:
+        used = resource.getrusage(resource.RUSAGE_CHILDREN)
+        return used.ru_utime + used.ru_stime, time.perf_counter()
 
 
 def processor() -> str:
