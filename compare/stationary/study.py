@@ -2,7 +2,7 @@
 kind ``stationary``."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import pandas as pd
@@ -32,6 +32,7 @@ from rattle.montecarlo.kernel.blocks import Blocks
 from rattle.montecarlo.long_run.paths import IMPACT_SECONDS
 from rattle.montecarlo.long_run.run import LONG_RUN_ACCURACY, LONG_RUN_PATHS, check_long_run
 from rattle.scene import InputError, Scene
+from rattle.scene.changes import same_speed
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -228,6 +229,7 @@ def cells(
     """The long run of a point, or why it cannot be computed."""
     try:
         cell = LongCell(scene, settings.pop("seed", 0), tuple(map(str, study.closures)), **settings)
+        cell = replace(cell, slow=same_speed(cell.slow, study.scene, scene))
         check_long_run(scene, **cell.asked, rng=cell.seed)
     except InputError as error:
         return None, (), {"sample": str(error)}
