@@ -76,15 +76,25 @@ class Animation:
 
 
 @numpy_defaults
-def animate(scene: Scene, *, impacts: int = 24, rng: Rng = 0, name: str = "scene") -> Animation:
+def animate(
+    scene: Scene,
+    *,
+    periods: int | None = None,
+    impacts: int | None = None,
+    rng: Rng = 0,
+    name: str = "scene",
+) -> Animation:
     """Draw the moving wheels of a scene: the noise-free orbit beside one noisy path.
 
     Parameters
     ----------
     scene : Scene
         What is modelled, with noise or a random tolerance.
-    impacts : int
-        Impacts of the noise-free orbit to show, 1 to 200.
+    periods : int, optional
+        Periods of the excitation to show, 1 to 60, after the transient of the noise-free orbit; 4
+        by default.
+    impacts : int, optional
+        In place of it: the first impacts of the noise-free orbit after the start of the scene.
     rng : int, SeedSequence, Generator or BitGenerator
         Seed of the noisy path; a generator of numpy gives a child of its seed sequence, another one
         each time.
@@ -99,7 +109,7 @@ def animate(scene: Scene, *, impacts: int = 24, rng: Rng = 0, name: str = "scene
     Raises
     ------
     InputError
-        If nothing is random, or the orbit has fewer impacts.
+        If nothing is random, or the orbit has fewer impacts, or comes to rest.
 
     Examples
     --------
@@ -108,4 +118,5 @@ def animate(scene: Scene, *, impacts: int = 24, rng: Rng = 0, name: str = "scene
     'Animation: 4 impacts without noise, 4 with noise in the same time'
     """
     check_scene(scene)
-    return Animation(record(scene, impacts=impacts, seed=read_whole_seed(rng)), name)
+    seed = read_whole_seed(rng)
+    return Animation(record(scene, periods=periods, impacts=impacts, seed=seed), name)

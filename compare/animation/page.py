@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from markupsafe import Markup
 
-from rattle.compare.animation.record import ANIMATED_SCHEME, Motion, Recording
+from rattle.compare.animation.record import ANIMATED_SCHEME, PERIOD, Motion, Recording
 from rattle.compare.report.folder import check_own, check_place, refusals, write_whole
 from rattle.compare.report.json_text import json_text
 from rattle.compare.report.render import render_animation
@@ -28,11 +28,15 @@ MOST_PAGE_BYTES = 1_000_000
 GENERATOR = '<meta name="generator" content="rattle animate">'
 """In the head of every animation; a file without it is never replaced."""
 PITCH_RADIUS = 90.0  # of the pitch circles in the drawing
-SECONDS = 0.9  # of watching for each impact of the orbit
+# seconds of watching: for a period, and for each of the impacts of a shorter time
+SECONDS_OF_A_PERIOD = 10.0
+SECONDS_OF_AN_IMPACT = 0.9
+FEW_IMPACTS = 24
 # inner coordinates of a strip
 STRIP_WIDTH = 10_000
 HIGH = 1000
 STRIP_HEIGHT = 1.3  # height of a strip in half gaps
+DIGITS = {"x1": 4, "x2": 4}  # of a displacement: a thousandth of a backlash
 MOST_TAU = 1e4  # beyond it time is counted from the start
 TEETH = 12
 PRESSURE = math.radians(25.0)
@@ -64,7 +68,10 @@ def animation(shown: Recording, name: str, command: str = "") -> str:
         "alpha": scene.alpha,
         "drive": [[one.order, one.amplitude, one.phase] for one in scene.drive],
         "turn": math.degrees(scale / PITCH_RADIUS),
-        "seconds": SECONDS * shown.orbit.impacts,
+        "seconds": max(
+            SECONDS_OF_A_PERIOD * shown.span / PERIOD,
+            SECONDS_OF_AN_IMPACT * min(shown.orbit.impacts, FEW_IMPACTS),
+        ),
         "offset": begin,
         # of a time that is shown
         "digits": min(max(0, 2 - math.floor(math.log10(shown.span / 10.0))), 15),
@@ -114,12 +121,15 @@ def write_animation(
 
 
 def _numbers(motion: Motion) -> Mapping[str, Any]:
-    """A path as numbers for the script, to 7 digits."""
+    """A path as numbers for the script: times to 7 digits, displacements to what can be seen."""
     columns = {"t": motion.time, "x1": motion.x1, "hits": motion.impact_time}
     if not np.isnan(motion.x2).all():
         columns["x2"] = motion.x2
-    texts = {key: [float(f"{v:.7g}") for v in values.tolist()] for key, values in columns.items()}
-    return texts | {"codes": motion.code.tolist()}
+    texts = {
+        key: [float(f"{v:.{DIGITS.get(key, 7)}g}") for v in values.tolist()]
+        for key, values in columns.items()
+    }
+    return texts | {"codes": motion.code.tolist(), "numbers": motion.number.tolist()}
 
 
 def _turns(shown: Recording, scale: float) -> list[float]:

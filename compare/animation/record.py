@@ -2,26 +2,41 @@
 impacts."""
 
 import math
-from dataclasses import dataclass
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass, replace
 from functools import partial
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
 from rattle.montecarlo import Record, Sampling, default_step, simulate
-from rattle.montecarlo.settings import is_random
-from rattle.scene import Floats, InputError, Ints, Scene, count
+from rattle.montecarlo.settings import MOST_IMPACTS_OF_A_RUN, is_random
+from rattle.scene import Floats, InputError, Ints, Scene, Start, count
 from rattle.scene.orbit import Orbit, follow
+from rattle.scene.parts import move_to_flanks
+
+Refuse: TypeAlias = Callable[[str], InputError]
+"""Makes the error that names what was asked for."""
 
 ANIMATED_SCHEME = "exact-flight"
-MOST_IMPACTS_SHOWN = 200
-"""Most impacts of the orbit that an animation shows; more would take minutes to watch."""
+PERIOD = 2.0 * math.pi
+SHOWN_PERIODS = 4  # by default: 40 s to watch
+SETTLED_PERIODS = 64
+"""Periods of the noise-free orbit before a settled start: twice the shortest burn-in that a long
+run tries."""
+MOST_PERIODS = 60  # ten minutes to watch
 FEWEST_INSTANTS = 200
-MOST_INSTANTS = 1200
+MANY_INSTANTS = 1200
+INSTANTS_PER_PERIOD = 200
+MOST_INSTANTS = 6000
 """Instants between which the drawing goes in straight lines, beside those of the impacts: at least,
-at the most."""
-# impacts that still leave a file of less than 1 MB; steps of some seconds
-MOST_DRAWN = 2000
-MOST_STEPS_SHOWN = 10**7
+of a short time, in a period, at the most."""
+MOST_MARKED = 600
+"""Impacts of a path that are drawn, the hardest ones: with the instants they leave a file of less
+than 1 MB."""
+MOST_FOLLOWED = 10**6  # impacts of a path; seconds
+MOST_STEPS_SHOWN = 10**7  # some seconds
 # what is shown after the last impact: at the most this share of a mean flight, or of the way to the
 # next
 SHARE_AFTER_LAST = 0.5
@@ -29,39 +44,32 @@ SHARE_AFTER_LAST = 0.5
 
 @dataclass(frozen=True)
 class Motion:
-    """One path, as it is drawn: its displacements at instants, and its impacts."""
+    """One path, as it is drawn: its displacements at instants, and its hardest impacts."""
 
     # time since the start, increasing; the instants of the impacts are among them; (instants,)
     time: Floats
     x1: Floats  # x1, x2: relative displacements; `x2` is NaN for a single stage; (instants,)
     x2: Floats
-    # time of each impact since the start; that of the start itself is not among them; (impacts,)
+    # time of each impact since the start; that of the start itself is not among them; (marked,)
     impact_time: Floats
-    impact_x: Floats  # displacement of the mesh that is struck; (impacts,)
-    code: Ints  # ``mesh * side`` of each impact; (impacts,)
-
-    @property
-    def impacts(self) -> int:
-        """Number of impacts."""
-        return len(self.impact_time)
+    impact_x: Floats  # displacement of the mesh that is struck; (marked,)
+    code: Ints  # ``mesh * side`` of each impact; (marked,)
+    number: Ints  # which impact it is, from 1; (marked,)
+    impacts: int  # of all impacts, how many there are
 
 
 @dataclass(frozen=True)
 class Recording:
     """Both paths of an animation."""
 
-    scene: Scene  # what is modelled
+    scene: Scene  # what is modelled, with the start of what is shown
     seed: int  # of the noisy path
+    settled: int  # periods after the start of the scene at which it begins
     span: float  # time that is shown, from the start on
     step: float  # time between two recorded instants of flight
     orbit: Motion  # orbit, path: the noise-free orbit, and the noisy path
     path: Motion
-
-    @property
-    def agreement(self) -> int:
-        """Number of impacts for which both strike the same flanks in the same order."""
-        both = min(self.orbit.impacts, self.path.impacts)
-        return int(np.logical_and.accumulate(self.orbit.code[:both] == self.path.code[:both]).sum())
+    agreement: int  # impacts for which both strike the same flanks in the same order
 
     @property
     def sentence(self) -> str:
@@ -72,9 +80,13 @@ class Recording:
         )
 
 
-def check_recording(scene: Scene, impacts: int, seed: int) -> None:
+def check_recording(scene: Scene, periods: int | None, impacts: int | None, seed: int) -> None:
     """Refuse settings that `record` could not take, before any work."""
-    count("impacts", impacts, most=MOST_IMPACTS_SHOWN)
+    if periods is not None and impacts is not None:
+        raise InputError("impacts", impacts, "goes without periods; give one of them")
+    if impacts is not None:
+        count("impacts", impacts, most=MOST_FOLLOWED)
+    count("periods", SHOWN_PERIODS if periods is None else periods, most=MOST_PERIODS)
     count("seed", seed, least=0)
     if not is_random(scene):
         raise InputError(
@@ -84,19 +96,81 @@ def check_recording(scene: Scene, impacts: int, seed: int) -> None:
         )
 
 
-def record(scene: Scene, *, impacts: int = 24, seed: int = 0) -> Recording:
-    """Follow the noise-free orbit through a number of impacts, and one noisy path over the same
-    time.
+def record(
+    scene: Scene, *, periods: int | None = None, impacts: int | None = None, seed: int = 0
+) -> Recording:
+    """Follow the noise-free orbit, and one noisy path over the same time from the same start.
 
     The orbit is exact. The noisy path is a sample by exact flights, which have no step bias; its
     state is taken at fixed times and just before each impact.
 
-    `impacts`: Impacts of the orbit after the start, at most `MOST_IMPACTS_SHOWN`; the path has as
-    many as it has in that time.
+    `periods`: Of the excitation, from a settled start on; `SHOWN_PERIODS` by default. `impacts`: In
+    place of it, the first impacts of the orbit after the start of the scene.
     """
-    check_recording(scene, impacts, seed)
-    refuse = partial(InputError, "impacts", impacts)
-    orbit = follow(scene.noise_free, impacts + 1)  # one more: the time shown ends before it
+    check_recording(scene, periods, impacts, seed)
+    if impacts is None:
+        settled = SETTLED_PERIODS
+        refuse = partial(InputError, "periods", periods or SHOWN_PERIODS)
+        scene = settle(scene, refuse)
+        span = PERIOD * (periods or SHOWN_PERIODS)
+        orbit = follow_until(scene, span)
+        shown = int((orbit.tau[1 : orbit.found + 1] - scene.phase <= span).sum())
+    else:
+        settled = 0
+        shown = impacts
+        refuse = partial(InputError, "impacts", impacts)
+        orbit = follow(scene.noise_free, impacts + 1)  # one more: the time shown ends before it
+        span = _span_of(orbit, scene, impacts, refuse)
+    dt = min(default_step(scene, ANIMATED_SCHEME), span / FEWEST_INSTANTS)
+    if span / dt > MOST_STEPS_SHOWN:
+        raise refuse(f"take {span / dt:.2g} steps of the noisy path; ask for fewer")
+    most = min(max(INSTANTS_PER_PERIOD * span / PERIOD, MANY_INSTANTS), MOST_INSTANTS)
+    step = dt * math.ceil(span / dt / most)
+    instants = step * np.arange(1.0, math.ceil(span / step))
+    of_path = _path(scene, seed, shown, span, dt, instants, refuse)
+    of_orbit = _orbit(orbit, scene, shown, np.append(instants, span))
+    codes = of_orbit.code, of_path.code
+    both = min(map(len, codes))
+    agreement = int(np.logical_and.accumulate(codes[0][:both] == codes[1][:both]).sum())
+    return Recording(
+        *(scene, seed, settled, span, step),
+        _motion(scene, of_orbit),
+        _motion(scene, of_path),
+        agreement,
+    )
+
+
+def follow_until(scene: Scene, span: float) -> Orbit:
+    """The noise-free orbit through a time from its start on, or as far as it goes."""
+    impacts = 256
+    while True:
+        orbit = follow(scene.noise_free, impacts)
+        if orbit.stopped or orbit.tau[-1] - scene.phase > span or impacts > MOST_FOLLOWED:
+            return orbit
+        impacts *= 4
+
+
+def settle(scene: Scene, refuse: Refuse) -> Scene:
+    """The scene from an impact of its noise-free orbit on, `SETTLED_PERIODS` after its start."""
+    span = PERIOD * SETTLED_PERIODS
+    orbit = follow_until(scene, span + PERIOD)
+    walls = orbit.constants.wall1, orbit.constants.wall2
+    gaps = scene.gap1, scene.gap2
+    for k in np.flatnonzero(orbit.tau[: orbit.found + 1] - scene.phase > span).tolist():
+        tau = float(scene.to_absolute_time(orbit.tau[k]))
+        x1, y1, x2, y2 = orbit.before[k].tolist()
+        start = Start(tau, x1, y1, x2, y2, int(orbit.mesh[k]))
+        with suppress(InputError):  # a state that a random flank could be in
+            return replace(scene, start=move_to_flanks(start, walls, gaps))
+    why = orbit.stopped or "no impact of it can be a start"
+    remedy = "give a scene that rattles, such as a larger alpha"
+    if orbit.found:
+        remedy = f"its first impacts can be shown: give impacts, at most {orbit.found}"
+    raise refuse(f"the noise-free orbit ends before it settles ({why}); {remedy}")
+
+
+def _span_of(orbit: Orbit, scene: Scene, impacts: int, refuse: Refuse) -> float:
+    """The time that shows some impacts of an orbit, and a little of what comes next."""
     if orbit.found < impacts:
         remedy = "give a scene that rattles, such as a larger alpha"
         if orbit.found:
@@ -110,81 +184,126 @@ def record(scene: Scene, *, impacts: int = 24, seed: int = 0) -> Recording:
     span = float(times[impacts] + tail)
     if not span > 0.0:
         raise refuse("the noise-free orbit has all of them at the start; ask for more")
-    dt = min(default_step(scene, ANIMATED_SCHEME), span / FEWEST_INSTANTS)
-    if span / dt > MOST_STEPS_SHOWN:
-        raise refuse(f"take {span / dt:.2g} steps of the noisy path; ask for fewer")
-    step = dt * math.ceil(span / dt / MOST_INSTANTS)
-    instants = step * np.arange(1.0, MOST_INSTANTS + 1.0)
-    instants = instants[instants < span]
-    path = _path(scene, seed, impacts, span, dt, instants)
-    if path.impacts > MOST_DRAWN:
-        fewer = max(int((times[1 : impacts + 1] + tail <= path.impact_time[MOST_DRAWN]).sum()), 1)
-        raise refuse(
-            f"the other path has over {MOST_DRAWN} impacts in that time, more than can be told"
-            f" apart; give {fewer if fewer < impacts else 'a larger epsilon'}"
-        )
-    drawn = _orbit(orbit, scene, impacts, np.append(instants, span))
-    return Recording(scene, seed, span, float(instants[0]), drawn, path)
+    if span > PERIOD * MOST_PERIODS:
+        fewer = max(int((times[: impacts + 1] < PERIOD * MOST_PERIODS).sum()) - 1, 1)
+        raise refuse(f"take over {MOST_PERIODS} periods; give at most {fewer}")
+    return span
 
 
-def _orbit(orbit: Orbit, scene: Scene, impacts: int, instants: Floats) -> Motion:
+class RecordedPath(NamedTuple):
+    """A path as it was followed: states at instants, and every impact."""
+
+    at: Floats
+    x: Floats
+    times: Floats
+    before: Floats  # states just before the impacts; (impacts, 4)
+    code: Ints
+
+
+def _orbit(orbit: Orbit, scene: Scene, impacts: int, instants: Floats) -> RecordedPath:
     """The orbit at instants, at its impacts, and where a mesh begins or ceases to stick."""
-    legs = orbit.legs[:, 0] - scene.phase
-    at = np.unique(np.concatenate([[0.0], instants, legs[(legs > 0.0) & (legs < instants[-1])]]))
+    closed = np.abs(orbit.legs[:, 5:]).sum(axis=1)
+    changing = np.flatnonzero(closed + np.append(0.0, closed[:-1]))
+    changes = orbit.legs[changing, 0] - scene.phase
+    inside = changes[(changes > 0.0) & (changes < instants[-1])]
+    at = np.unique(np.concatenate([[0.0], instants, inside]))
     x = np.array([orbit.state(t + scene.phase)[::2] for t in at])
     shown = slice(1, impacts + 1)
     code = orbit.mesh[shown] * orbit.side[shown]
-    return _motion(scene, at, x, orbit.tau[shown] - scene.phase, orbit.before[shown, ::2], code)
+    return RecordedPath(at, x, orbit.tau[shown] - scene.phase, orbit.before[shown], code)
 
 
 def _path(
-    scene: Scene, seed: int, impacts: int, span: float, dt: float, instants: Floats
-) -> Motion:
+    scene: Scene,
+    seed: int,
+    impacts: int,
+    span: float,
+    dt: float,
+    instants: Floats,
+    refuse: Refuse,
+) -> RecordedPath:
     """One noisy path over a time; how many impacts it has in it shows only then.
 
-    With more than `MOST_DRAWN` it may end before.
+    White noise after an impact does not depend on what was before: a long path is sampled in parts,
+    from the last impact of one to that of the next.
     """
     local = scene.phase_reduced  # its times keep their digits, however late the start is
+    gaps = scene.tolerance
+    fixed = gaps is None or gaps.distribution == "fixed"
+    in_parts = fixed and scene.correlation_time == 0.0
+    room = min(2 * impacts + 200, MOST_IMPACTS_OF_A_RUN) if in_parts else MOST_IMPACTS_OF_A_RUN
     # on the nominal flank, even where the path's own has a tolerance
-    start = np.array(scene.start_state)[::2]
-    room = 2 * impacts + 20
+    at = [np.zeros(1)]
+    x = [np.array([scene.start_state])[:, ::2]]
+    parts: list[Floats] = []
+    begin = 0.0
     while True:
+        rest = instants[instants > begin + dt] - begin
         run = simulate(
             local,
             paths=1,
             impacts=room,
             dt=dt,
             scheme=ANIMATED_SCHEME,
-            rng=seed,
-            sampling=Sampling(horizon=span + dt),
+            rng=np.random.SeedSequence([seed, len(parts)]) if parts else seed,
+            sampling=Sampling(horizon=span - begin + dt),
             # the instants are rounded to the step
-            record=Record(times=tuple(local.phase + instants + 1e-6 * dt), raw=True),
+            record=Record(times=tuple(local.phase + rest + 1e-6 * dt), raw=True),
         )
         assert run.raw is not None
-        rows = run.raw[0]
-        # the path ended, or has all its impacts in that time, or more than are drawn
-        if not rows[-1, 0] - scene.phase <= span or room > MOST_DRAWN:
+        rows = run.raw[0].copy()
+        rows[:, 0] += begin - local.phase
+        states = run.at_times()[["x1", "x2"]].to_numpy() if rest.size else np.empty((0, 2))
+        times = run.fixed_times - local.phase + begin
+        ends = not rows[-1, 0] <= span  # the path ended, or has all its impacts in that time
+        seen = ~np.isnan(states[:, 0]) & (times <= (math.inf if ends else rows[-1, 0]))
+        at.append(times[seen])
+        x.append(states[seen])
+        parts.append(rows[rows[:, 0] <= span])
+        if ends:
             break
-        room *= 3
-    rows = rows[rows[:, 0] - scene.phase <= span]
-    states = run.at_times()[["x1", "x2"]].to_numpy()
-    seen = np.flatnonzero(~np.isnan(states[:, 0]))
-    at = np.concatenate([[0.0], run.fixed_times[seen] - local.phase])
-    x = np.vstack([start, states[seen]])
+        room = MOST_IMPACTS_OF_A_RUN
+        if not in_parts or len(parts) * room >= MOST_FOLLOWED:
+            raise refuse(f"the noisy path has over {sum(map(len, parts))} impacts; ask for fewer")
+        begin = float(rows[-1, 0])
+        local = _begin_at(local, begin, rows[-1])
+    rows = np.concatenate(parts)
     code = rows[:, 6].astype(np.int64)
-    return _motion(scene, at, x, rows[:, 0] - scene.phase, rows[:, [2, 4]], code)
+    return RecordedPath(np.concatenate(at), np.concatenate(x), rows[:, 0], rows[:, 2:6], code)
 
 
-def _motion(
-    scene: Scene, at: Floats, x: Floats, times: Floats, before: Floats, code: Ints
-) -> Motion:
-    """States at instants and at impacts, in order of time; of two at one time the impact's is
-    kept."""
-    together = np.concatenate([times, at])
+def _begin_at(scene: Scene, begin: float, row: Floats) -> Scene:
+    """The scene from an impact of a path on, whose row has the state just before it."""
+    mesh = abs(int(row[6]))
+    walls = scene.constants.wall1, scene.constants.wall2
+    x1, y1, x2, y2 = row[2:6].tolist()
+    if mesh == 1:
+        x1 = math.copysign(walls[0], x1)
+    else:
+        x2 = math.copysign(walls[1], x2)
+    struck = Start(begin, x1, y1, x2, y2, mesh)
+    start = move_to_flanks(struck, walls, (scene.gap1, scene.gap2))
+    return replace(scene, start=start).phase_reduced
+
+
+def _motion(scene: Scene, path: RecordedPath) -> Motion:
+    """A path as it is drawn: of the impacts the hardest, and of two states at one time that of the
+    impact."""
+    number = np.arange(len(path.times))
+    mesh = np.abs(path.code) - 1
+    speed = np.abs(path.before[number, 2 * mesh + 1])
+    marked = np.sort(np.argsort(-speed, kind="stable")[:MOST_MARKED])
+    before = path.before[marked, ::2]
+    times = path.times[marked]
+    together = np.concatenate([times, path.at])
     order = np.unique(together, return_index=True)[1]
-    states = np.concatenate([before, x])[order]
-    x1, x2 = states.T
-    struck = before[np.arange(len(times)), np.abs(code) - 1]
+    x1, x2 = np.concatenate([before, path.x])[order].T
+    struck = before[np.arange(len(marked)), mesh[marked]]
     if scene.stages == 1:
         x2 = np.full(len(order), np.nan)
-    return Motion(together[order], x1, x2, times, struck, code)
+    return Motion(
+        *(together[order], x1, x2, times, struck),
+        path.code[marked],
+        marked + 1,
+        len(path.times),
+    )

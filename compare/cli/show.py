@@ -59,7 +59,8 @@ def show(report: Path, section: str | None, width: int | None) -> None:
 @click.command()
 @shared.SCENE_ARGUMENT
 @shared.real("sigma", "Noise intensity. [default: the scene's; 0.1 on DAT21]")
-@shared.whole("impacts", 24, "Impacts of the noise-free orbit to show, 1 to 200.")
+@shared.whole("periods", None, "Periods to show, after the transient, 1 to 60. [default: 4]")
+@shared.whole("impacts", None, "In place of it: the first impacts after the start.")
 @shared.SEED_OPTION
 @click.option(
     "--out",
@@ -71,15 +72,16 @@ def show(report: Path, section: str | None, width: int | None) -> None:
 def animate(
     scene: Path | None,
     sigma: float | None,
-    impacts: int,
+    periods: int | None,
+    impacts: int | None,
     seed: int,
     out: Path | None,
     overwrite: bool,
 ) -> None:
     """Draw the moving wheels of a scene in one HTML file.
 
-    The noise-free orbit beside one noisy path. SCENE is a TOML file, DAT21 if none is given. The
-    file has less than 1 MB and needs no other; open it in any browser.
+    The noise-free orbit beside one noisy path that starts with it. SCENE is a TOML file, DAT21 if
+    none is given. The file has less than 1 MB and needs no other; open it in any browser.
 
     Exit codes: 0 written; 2 bad input.
     """
@@ -88,11 +90,11 @@ def animate(
     from rattle.compare.report.provenance import command_line
 
     base = load_scene(scene, sigma, 0.1)
-    check_recording(base, impacts, seed)
+    check_recording(base, periods, impacts, seed)
     name = shared.name_scene(scene)
     out = out or Path(f"{default_place(name, '-animation')}.html")
     check_file(out, overwrite)
-    shown = record(base, impacts=impacts, seed=seed)
+    shown = record(base, periods=periods, impacts=impacts, seed=seed)
     write_animation(out, shown, name, command_line(sys.argv[1:]), overwrite)
     say(f"Animation: {out} ({out.stat().st_size / 1e3:.0f} kB): {shown.sentence}")
 

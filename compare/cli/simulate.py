@@ -288,7 +288,7 @@ def stationary(
 @click.option(
     "--keep-sigma",
     is_flag=True,
-    help="Keep the noise along the sweep; else it is the paper's, sqrt(alpha).",
+    help="Keep the noise along a sweep of alpha too; else it is the paper's there, sqrt(alpha).",
 )
 @click.option("--no-sweep", is_flag=True, help="Leave sweep and bifurcation view out.")
 @click.option(
@@ -318,7 +318,7 @@ def chaos(
 
     field = over.name
     at = () if no_sweep else over.values(base, SWEEP_POINTS)
-    noise = None if keep_sigma or field == "sigma" else paper_noise
+    noise = paper_noise if field == "alpha" and not keep_sigma else None
     scenes = vary(base, field, at, noise) if noise else vary(base, field, at)
     positive("width", settings["width"])
     shared.check_counts(settings, points=100, impacts=20_000, events=128, workers=1)

@@ -13,6 +13,7 @@ from rattle.compare.report.style import ACCURATE_COLOUR, STYLE, SYMBOL, legend_a
 
 LINEAR_ERRORS = 0.1  # the axis of errors is linear up to this many sds, logarithmic beyond
 PANELS_IN_A_ROW = 4
+FEW_IN_A_ROW = 2  # of no more panels than one row could have: a square is read on a phone too
 
 
 def offsets(names: Sequence[str]) -> dict[str, float]:
@@ -59,7 +60,8 @@ def draw_errors(found: Any) -> Figure:
     numbers = {label: number for number, label in enumerate(labels, start=1)}
     table = table.assign(at=table[found.label].map(numbers).astype(float))
     panels = list(dict.fromkeys(zip(table["moment"], table["quantity"], strict=True)))
-    columns = max(min(len(panels), PANELS_IN_A_ROW), 1)
+    in_a_row = PANELS_IN_A_ROW if len(panels) > PANELS_IN_A_ROW else FEW_IN_A_ROW
+    columns = max(min(len(panels), in_a_row), 1)
     rows = max(-(-len(panels) // columns), 1)
     figure, axes = new_figure(3.4 * columns + 0.6, 1.0 + 2.5 * rows, rows, columns)
     tolerances = dict(zip(("mean", "sd", "rho", "skew", "kurt"), found.tolerances, strict=True))

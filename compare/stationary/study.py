@@ -3,7 +3,7 @@ kind ``stationary``."""
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import pandas as pd
@@ -16,7 +16,7 @@ from rattle.compare.report.style import STYLE, new_figure
 from rattle.compare.report.table import Table, of_numbers
 from rattle.compare.report.texts import CLOSURE_TERMS, VERDICT_TERMS
 from rattle.compare.stationary.measure import ESTIMATE_COLUMNS, stationary
-from rattle.compare.stationary.result import plain_unit
+from rattle.compare.stationary.result import in_units, plain_unit
 from rattle.compare.stationary.verdicts import (
     CLOSURES_JUDGED,
     PREDICTED,
@@ -33,6 +33,7 @@ from rattle.montecarlo.kernel.blocks import Blocks, Budget, BudgetEnded
 from rattle.montecarlo.long_run.paths import IMPACT_SECONDS
 from rattle.montecarlo.long_run.run import LONG_RUN_ACCURACY, LONG_RUN_PATHS, check_long_run
 from rattle.scene import InputError, Scene
+from rattle.scene.changes import same_speed, unit_of_value
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -50,6 +51,7 @@ TEMPLATE = "stationary/study.j2"
 WORDS = (*CLOSURE_TERMS, *VERDICT_TERMS, "exact flight", "σ", "ε", "orbit")
 MAIN_QUANTITIES = ("rate", "speed", "energy_per_period", "slow_share")  # those of the page
 LEAST_SECONDS = 1e-3  # of a budget; what is spent already leaves none
+PHYSICAL_QUANTITIES = ("rate_above", "speed_above", "power", "slow_share")  # in physical units
 TYPICAL_SPREAD = 2.0  # typical sd over mean of what is averaged, with its autocorrelation
 
 
@@ -185,26 +187,37 @@ class LongTables:
     def to_xarray(self) -> "xr.Dataset":
         """Convert the quantities to a dataset, with the unit of each in ``["quantity"].attrs``;
         needs ``xarray``."""
-        data = self.quantities.set_index(
-            [*(axis.names[0] for axis in self.study.axes), "quantity"]
-        ).to_xarray()
-        data["quantity"].attrs |= {name: plain_unit(name) for name in data["quantity"].values}
+        index = [*(axis.names[0] for axis in self.study.axes), "quantity"]
+        numbers = self.quantities.drop(columns="unit", errors="ignore")
+        data = numbers.set_index(index).to_xarray()
+        unit = unit_of_quantity(self.quantities)
+        data["quantity"].attrs |= {name: unit(name) for name in data["quantity"].values}
         return data
 
 
 RESULT = LongTables
 
 
+def is_physical(study: Study) -> bool:
+    """Whether its quantities are in physical units: where a value of the gears varies in its own
+    unit."""
+    return study.scene.gears is not None and any(map(unit_of_value, study.names))
+
+
 def combine(study: Study, found: Mapping[str, LongResult]) -> LongTables:
     """Compute the tables of a study from the results of its cells, by key."""
     points = [(p, found[p.sample.key]) for p in study.points if p.sample and p.sample.key in found]
 
+    physical = is_physical(study)
+
     def join(table: Callable[[LongResult], pd.DataFrame]) -> pd.DataFrame:
-        parts = [
-            with_coordinates(point.coordinates, own)
-            for point, result in points
-            if len(own := table(result))
-        ]
+        parts = []
+        for point, result in points:
+            rows = table(result)
+            if physical and "quantity" in rows:
+                rows = in_units(rows, point.sample.scene.gears, "physical")
+            if len(rows):
+                parts.append(with_coordinates(point.coordinates, rows))
         return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame()
 
     return LongTables(
@@ -243,6 +256,7 @@ def cells(
     """The long run of a point, or why it cannot be computed."""
     try:
         cell = LongCell(scene, settings.pop("seed", 0), tuple(map(str, study.closures)), **settings)
+        cell = replace(cell, slow=same_speed(cell.slow, study.scene, scene))
         check_long_run(scene, **cell.asked, rng=cell.seed)
     except InputError as error:
         return None, (), {"sample": str(error)}
@@ -262,6 +276,13 @@ PANELS = (
     ("slow impacts", "share", "slow_share", ALL_AND_MESHES),
 )
 """Title of each panel, its unit, and the quantities in it."""
+PHYSICAL_PANELS = (
+    ("impacts that are not slow", "per second", "rate_above", ALL_AND_MESHES),
+    ("energy lost", "mW", "power", ALL_AND_MESHES),
+    ("their speed: 5, 50, 95 %", "mm/s", "speed_above", ("q05_{}", "q50_{}", "q95_{}")),
+    PANELS[-1],
+)
+"""The same where a value of the gears varies in its own unit."""
 AVERAGES = ("speed", "slow_share", "energy_per_period")
 """Quantities whose autocorrelation is drawn."""
 STYLES: Any = [
@@ -275,7 +296,8 @@ def study_figure(along: str, quantities: pd.DataFrame, verdicts: pd.DataFrame) -
     varies."""
     figure, axes = new_figure(10.0, 6.0, 2, 3)
     of: dict[Any, Any] = dict(iter(quantities.groupby("quantity")))
-    for ax, (title, unit, quantity, forms) in zip(axes, PANELS, strict=False):
+    panels_shown = PHYSICAL_PANELS if "unit" in quantities else PANELS
+    for ax, (title, unit, quantity, forms) in zip(axes, panels_shown, strict=False):
         for form, style in zip(forms, STYLES, strict=True):
             if (name := form.format(quantity)) in of:
                 rows = of[name].sort_values(along)
@@ -302,6 +324,14 @@ def study_figure(along: str, quantities: pd.DataFrame, verdicts: pd.DataFrame) -
     return figure
 
 
+def unit_of_quantity(quantities: pd.DataFrame) -> Callable[[str], str]:
+    """What gives the unit of a quantity: the table's own, or what dimensionless ones count in."""
+    if "unit" not in quantities:
+        return plain_unit
+    units = dict(zip(quantities["quantity"], quantities["unit"], strict=True))
+    return lambda name: str(units.get(name, ""))
+
+
 def shares(verdicts: pd.DataFrame, along: str) -> pd.DataFrame:
     """How many quantities of each closure are accurate at each value of a field.
 
@@ -326,7 +356,7 @@ def answer(r: LongTables) -> list[str]:
         return ["No point could be computed; the command says why."]
     values = {
         name: r.quantities[r.quantities["quantity"] == name].sort_values("value")
-        for name in ("rate", "energy_per_period")
+        for name in ("rate_above", "power", "rate", "energy_per_period")
     }
     reach = []
     if r.study.along and not r.verdicts.empty:
@@ -340,9 +370,14 @@ def answer(r: LongTables) -> list[str]:
     return render_sentences(
         "stationary/study_answer.j2",
         r=r,
-        ends={name: rows.iloc[[0, -1]].to_dict("records") for name, rows in values.items()},
+        ends={
+            name: rows.iloc[[0, -1]].to_dict("records")
+            for name, rows in values.items()
+            if len(rows)
+        },
         reach=reach,
         span=span,
+        physical=is_physical(r.study),
         exact=(r.cost["kind"] != "simulated").sum(),
     )
 
@@ -353,7 +388,8 @@ def draw(r: LongTables) -> list[Drawing]:
     for number, (fixed, _) in enumerate(panels(r.study, r.quantities), 1):
         name = f"figures/long-run-{number}" if fixed else "figures/long-run"
         at = "".join(f" {field} = {v}." for field, v in fixed.items())
-        drawn.append(Drawing(name, r.plot(**fixed), STATIONARY_TEXTS["study"] + at))
+        units = "" if is_physical(r.study) else f" {STATIONARY_TEXTS['study_units']}"
+        drawn.append(Drawing(name, r.plot(**fixed), STATIONARY_TEXTS["study"] + units + at))
     return drawn
 
 
@@ -363,7 +399,9 @@ def content(r: LongTables, seconds: Mapping[str, float]) -> dict[str, Any]:
     names = r.study.names
     point = ["study", *names]  # an index even where no field varies
     half = 0.5 * (r.quantities["high"] - r.quantities["low"])
-    main = [(kind, name) for name in MAIN_QUANTITIES for kind in ("value", "half")]
+    physical = is_physical(r.study)
+    shown = PHYSICAL_QUANTITIES if physical else MAIN_QUANTITIES
+    main = [(kind, name) for name in shown for kind in ("value", "half")]
     columns = (
         r.quantities.assign(half=half, study=0)
         .pivot(index=point, columns="quantity", values=["value", "half"])
@@ -371,7 +409,12 @@ def content(r: LongTables, seconds: Mapping[str, float]) -> dict[str, Any]:
         .set_axis([" ".join(head) for head in main], axis="columns")
     )
     rows = r.cost.assign(study=0).join(columns, on=point)
-    heads = [of_numbers(name if kind == "value" else "±", f"{kind} {name}") for kind, name in main]
+    unit = unit_of_quantity(r.quantities)
+    titles = {name: f"{name} ({unit(name)})" if physical and unit(name) else name for name in shown}
+    heads = [
+        of_numbers(titles[name] if kind == "value" else "±", f"{kind} {name}")
+        for kind, name in main
+    ]
     table = Table.of_frame(
         rows, *names, *heads, of_numbers("burn-in", "burn_in"), of_numbers("periods")
     )

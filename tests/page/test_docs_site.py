@@ -108,7 +108,7 @@ def test_a_reference_that_leads_nowhere_ends_the_build():
     assert not ignored.fullmatch("rattle.scene.Scene.loaded")
 
 
-@pytest.mark.parametrize("name", ["plot_orbit.py", "plot_backlash.py"])
+@pytest.mark.parametrize("name", ["plot_orbit.py", "plot_tolerances.py"])
 def test_a_script_of_the_gallery_runs(name):
     python("-W", "ignore", DOCS / "gallery" / name, MPLBACKEND="agg")
 

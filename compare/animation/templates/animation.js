@@ -47,7 +47,7 @@ function turn(path, driver) {
 
 function flash(path) {
   const lit = LIT * rate, many = below(path.hits, now);
-  path.count.textContent = `impact ${many}`;
+  path.count.textContent = `impact ${many ? path.numbers[many - 1] : 0}`;
   const code = many ? path.codes[many - 1] : 0;
   path.last.textContent = code ? `, at mesh ${Math.abs(code)}, flank ${signs[Math.sign(code)]}` : "";
   const first = below(path.hits, now - lit), recent = [];
@@ -60,7 +60,7 @@ function flash(path) {
     const age = (now - path.hits[mine]) / lit, side = Math.sign(path.codes[mine]);
     const size = calm.matches ? 0.75 : 0.85 - 0.4 * age;
     star.setAttribute("transform", `translate(0 ${(i === 0 ? -9 : 9) * side}) scale(${size})`);
-    star.dataset.impact = mine + 1;
+    star.dataset.impact = path.numbers[mine];
   });
   path.lit?.forEach(mark => mark.classList.remove("lit"));
   path.lit = recent.map(k => path.marks[k]);

@@ -3,6 +3,7 @@
 import json
 import math
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ from commands import rattle
 from matplotlib.path import Path as Polygon
 
 from rattle import DAT21, InputError, Record, Scene, Start, Tolerance, animate, follow, simulate
+from rattle.compare.animation import record
 from rattle.compare.animation.page import PLAY, TOOTH, Wheel, outline
 from rattle.montecarlo import default_step
 from rattle.scene import OutputError
@@ -72,6 +74,42 @@ def test_the_path_is_the_simulated_one(shown):
     records = run.records[run.records["tau"] <= recording.span]
     assert recording.path.impact_time.tolist() == records["tau"].tolist()
     assert recording.path.code.tolist() == (records["mesh"] * records["side"]).tolist()
+
+
+def test_a_settled_start_is_an_impact_of_the_orbit():
+    scene = replace(GEARS, sigma=1e-9)  # no path leaves the orbit so soon
+    recording = animate(scene, periods=1).recording
+    orbit = follow(scene.noise_free, 1200)
+    begin = float(recording.scene.start.tau)
+    (k,) = np.flatnonzero(np.isclose(orbit.tau, begin, rtol=1e-12))
+    assert orbit.tau[k - 1] - scene.phase <= 64 * 2.0 * math.pi < orbit.tau[k] - scene.phase
+    number = recording.orbit.impacts
+    after = orbit.tau[k + 1 : k + 1 + number] - begin
+    np.testing.assert_allclose(recording.orbit.impact_time, after, rtol=1e-9)
+    assert recording.agreement == number
+    assert recording.span == pytest.approx(2.0 * math.pi)
+
+
+def test_a_long_path_is_sampled_in_parts(monkeypatch):
+    monkeypatch.setattr(record, "MOST_IMPACTS_OF_A_RUN", 3)
+    scene = Scene.from_gears(DAT21, sigma=1e-9)
+    recording = animate(scene, impacts=10, rng=1).recording
+    times = recording.orbit.impact_time
+    np.testing.assert_allclose(recording.path.impact_time, times, atol=1e-5)
+    assert (np.diff(recording.path.time) > 0.0).all()
+    # an instant is rounded to the step, and one just after the begin of a part may be left out
+    assert 0 <= len(recording.orbit.time) - len(recording.path.time) <= 4
+
+
+def test_of_very_many_impacts_the_hardest_are_marked():
+    chatter = Scene(**PLAIN | {"gamma1": 0.8, "gamma2": 0.6}, epsilon=0.5, sigma=0.1)
+    drawn = animate(chatter, periods=6)
+    path = drawn.recording.path
+    assert path.impacts > len(path.number) == 600
+    assert (np.diff(path.number) > 0).all()
+    assert path.number[-1] <= path.impacts
+    assert "only the hardest 600" in drawn.html
+    assert len(drawn.html) < MOST_BYTES
 
 
 def polygon(wheel, degrees, centre):
@@ -141,16 +179,21 @@ def test_hostile_names_are_escaped():
 SILENT = Scene(**PLAIN | dict.fromkeys(("alpha", "gamma1", "gamma2"), 0.0), epsilon=0.9, sigma=0.1)
 
 
+QUIET = Scene(**PLAIN | {"alpha": 0.01}, epsilon=0.5, sigma=0.001)
+
+
 @pytest.mark.parametrize(
     ("scene", "settings", "message"),
     [
         (GEARS.with_sigma(0.0), {}, r"^sigma = 0.0: nothing is random.*give noise"),
         (GEARS, {"impacts": 0}, "^impacts = 0: must be at least 1"),
-        (GEARS, {"impacts": 201}, "^impacts = 201: must be at most 200"),
+        (GEARS, {"impacts": 2000}, "^impacts = 2000: take over 60 periods; give at most 8"),
+        (GEARS, {"periods": 61}, "^periods = 61: must be at most 60"),
+        (GEARS, {"periods": 2, "impacts": 2}, "^impacts = 2: goes without periods"),
+        (QUIET, {}, "^periods = 4: the noise-free orbit ends before it settles .*give impacts"),
         (GEARS, {"impacts": 2.5}, "^impacts = 2.5: give a whole number"),
         (GEARS, {"rng": -1}, "^rng = -1: must be at least 0"),
-        (SILENT, {}, "^impacts = 24: .*give at most"),
-        (Scene(**PLAIN, epsilon=0.0, sigma=0.1), {"impacts": 200}, "^impacts = 200: .*2000.*"),
+        (SILENT, {"impacts": 24}, "^impacts = 24: .*give at most"),
     ],
 )
 def test_bad_settings(scene, settings, message):

@@ -17,6 +17,7 @@ from hypothesis import strategies as st
 
 from rattle import DAT21, Scene, boundary, boundary_map, simulate
 from rattle.closure import CLOSURES
+from rattle.compare.animation.record import SHOWN_PERIODS
 from rattle.compare.checks.stability.chart import AXES
 from rattle.compare.cli.main import main
 from rattle.compare.cli.shared import say
@@ -118,6 +119,7 @@ STEP = (
 )
 DEFAULTS = signature(boundary).parameters
 REAL = {
+    "animate --periods": f"{SHOWN_PERIODS}",
     "animate --sigma": "the scene's; 0.1 on DAT21",
     "boundary --closure": DEFAULTS["closure"].default,
     "boundary --over": (

@@ -69,6 +69,24 @@ def test_study_runs_and_is_kept(tmp_path):
     assert "3 points, 3 cells, 0 to compute" in rattle(f"study {file} --explain").output
 
 
+def test_over_a_value_of_the_gears_all_is_in_physical_units(tmp_path):
+    scene = rt.Scene.from_gears(rt.DAT21, sigma=0.5)
+    file = tmp_path / "gears.toml"
+    head = '[study]\nkind = "stationary"\nclosures = []\nperiods = 64\npaths = 32\n'
+    file.write_text(head + scene.to_toml() + "[[axes]]\nbacklash1 = [0.2, 0.4]\n")
+    printed = rattle(f"study {file}").stdout
+    assert "impacts a second that are not slow: from" in printed
+    table = rt.load_study(tmp_path / "gears").quantities.set_index(["backlash1", "quantity"])
+    changed = scene.with_gears(backlash1=0.4)
+    settings = {"periods": 64, "paths": 32, "closures": ()}
+    alone = rt.stationary(changed, slow=0.05, **settings).table_in("physical")  # as fast, in mm/s
+    for name, unit in {"rate_above": "1/s", "power": "mW", "q95_speed": "mm/s"}.items():
+        assert tuple(table.loc[(0.4, name), ["value", "unit"]]) == (alone.loc[name, "value"], unit)
+    labels = [ax.get_ylabel() for ax in rt.load_study(tmp_path / "gears").plot().axes[:3]]
+    assert labels == ["per second", "mW", "mm/s"]
+    assert "backlash at mesh 1, mm" in (tmp_path / "gears" / "figures" / "long-run.svg").read_text()
+
+
 def test_a_study_over_two_fields_has_a_figure_for_each_value_of_the_second():
     tables = rt.load_study(Path(__file__).parents[3] / "reports" / "studies" / "long-memory")
     values = sorted(tables.quantities["correlation_time"].unique())
