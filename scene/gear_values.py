@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
+from rattle.scene.drag import DRAG_TABLES
 from rattle.scene.gears import DRIVES, Gears, drive_by
 from rattle.scene.parts import Start
 from rattle.scene.scene import FREE, Scene
@@ -17,13 +18,15 @@ def values_of(gears: Gears) -> dict[str, float]:
     """The values of gears that may be varied, as they were typed; the drive is its amplitude in
     mm."""
     return {"amplitude": gears.amplitude} | {
-        name: v for name, v in gears.values.items() if name not in DRIVES
+        name: v for name, v in gears.values.items() if name not in (*DRIVES, *DRAG_TABLES)
     }
 
 
 def is_value(name: str, gears: Gears | None) -> bool:
     """Whether a name is that of a value of gears."""
-    return gears is not None and (name in DRIVES[:2] or name in gears.values)
+    if gears is None or name in DRAG_TABLES:
+        return False
+    return name in DRIVES[:2] or name in gears.values
 
 
 def has_own_start(scene: Scene) -> bool:
