@@ -12,7 +12,7 @@ from rattle.compare.cli.judge import judge
 from rattle.compare.cli.parameters import boundary, sensitivity
 from rattle.compare.cli.shared import CommandGroup, say
 from rattle.compare.cli.show import animate, drive, init, show
-from rattle.compare.cli.simulate import chaos, simulate, stationary
+from rattle.compare.cli.simulate import chaos, run_up, simulate, stationary
 from rattle.compare.cli.study import study
 from rattle.compare.cli.validate import order, tradeoff, validate
 from rattle.compare.report.interrupt import EXIT_INTERRUPTED, describe_interrupt, ends_soon, said
@@ -88,7 +88,7 @@ def main() -> None:
 
 for command in (
     *(animate, boundary, chaos, check, claims, drive, init, judge, order),
-    *(sensitivity, show, simulate, stationary, study, tradeoff, validate, warm_up),
+    *(run_up, sensitivity, show, simulate, stationary, study, tradeoff, validate, warm_up),
 ):
     main.add_command(command)
 

@@ -278,6 +278,52 @@ def stationary(
         raise click.exceptions.Exit(EXIT_NOT_MET)
 
 
+@click.command("run-up")
+@shared.SCENE_AND_SIGMA
+@shared.grid("rpm", "600:3000:12", "Mean speeds of the driver, 1/min.")
+@click.option("--down", is_flag=True, help="Let the speed fall, from HIGH to LOW.")
+@shared.real("seconds", "Duration of the ramp.", 10.0)
+@shared.real("slow", "Speed below which an impact is slow, at the speed of the file.", 0.1)
+@shared.real("budget", "Processor seconds, all threads together; compiling is not counted.", 60.0)
+@shared.SEED_AND_WORKERS
+@shared.report("reports/NAME-run-up", "ramp.page", shared.JSON_ALONE)
+def run_up(
+    base: Scene,
+    begin: Begin,
+    rpm: str,
+    down: bool,
+    seed: int,
+    workers: int,
+    **settings: float,
+) -> None:
+    """Measure rattle over the speed: constant speeds, and a ramp.
+
+    Impacts a second, power and speeds while the driver's mean speed changes slowly, beside those at
+    constant speeds. SCENE is a TOML file of gears with a mean speed (speed_rpm).
+
+    Exit codes: 0 done; 2 bad input.
+    """
+    from rattle.compare import run_up as measure_run_up
+    from rattle.compare.chaos.sweep import values
+
+    speeds = values("rpm", rpm)
+    ends = (speeds[-1], speeds[0]) if down else (speeds[0], speeds[-1])
+    settings = shared.pick(settings, "seconds", "slow", "budget")
+    results = begin()
+    with shared.estimates_shown():
+        found = measure_run_up(
+            base,
+            rpm=ends,
+            points=len(speeds),
+            **settings,
+            rng=seed,
+            workers=workers,
+            progress="run-up",
+        )
+    results.write(found, scene=base.to_dict(), **settings, seed=seed, rpm=list(speeds), down=down)
+    results.say(found.answer, found.to_dict)
+
+
 @click.command()
 @shared.SCENE_AND_SIGMA
 @shared.field("Field of the scene, or value of its gears, that the sweep varies.")
