@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 import pandas as pd
 
-from rattle.compare.parameters.finding import Finding, quantity_words, same_speed, value_text
+from rattle.compare.parameters.finding import quantity_words, same_speed, value_text
+from rattle.compare.report.finding import Finding
 from rattle.compare.stationary.measure import stationary
 from rattle.compare.stationary.result import unit_of
 from rattle.compare.study.parameters import (

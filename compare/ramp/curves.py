@@ -15,7 +15,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from rattle.compare.ramp.speed import TURN, SpeedRamp
-from rattle.montecarlo.long_run.ramp import RampPaths, Stretch
+from rattle.montecarlo.long_run.ramp import RampPaths, RampStretch
 from rattle.montecarlo.statistics.intervals import Spread, spread
 from rattle.scene import Floats
 from rattle.scene.progress import ProgressBar
@@ -84,7 +84,7 @@ def follow_ramp(
     """
     stretches, rpm = ramp.stretches(slow, stretch)
     begin = ramp.scene_at(ramp.first).constants
-    before = Stretch(begin, ramp.slow_at(slow, ramp.first), burn_in)
+    before = RampStretch(begin, ramp.slow_at(slow, ramp.first), burn_in)
     for _ in paths.follow([before], pool):
         bar.update(burn_in)
     hats = np.array([np.interp(rpm, knots, one) for one in np.eye(len(knots))])

@@ -3,9 +3,9 @@
 from typing import Any
 
 import numpy as np
+import pandas as pd
 from matplotlib.figure import Figure
 
-from rattle.compare.ramp.result import QUANTITIES, RunUp
 from rattle.compare.report.style import ACCURATE_COLOUR, STYLE, legend_above, new_figure
 
 RAMP_COLOUR = "#D55E00"
@@ -16,13 +16,13 @@ LABELS = {
 }
 
 
-def run_up_figure(found: RunUp) -> Figure:
+def run_up_figure(table: pd.DataFrame, thresholds: pd.DataFrame) -> Figure:
     """Draw every quantity over the speed, at constant speeds and in the ramp, with intervals."""
-    figure, axes = new_figure(7.4, 7.2, len(QUANTITIES), 1)
+    figure, axes = new_figure(7.4, 7.2, len(LABELS), 1)
     constant: Any = {"color": STYLE["monte carlo"]["color"], "fmt": "o-", "ms": 4, "capsize": 2}
-    crossings = found.thresholds.dropna(subset="rpm")
-    for ax, name in zip(axes, QUANTITIES, strict=True):
-        rows = found.table[found.table["quantity"] == name].sort_values("rpm")
+    crossings = thresholds.dropna(subset="rpm")
+    for ax, name in zip(axes, LABELS, strict=True):
+        rows = table[table["quantity"] == name].sort_values("rpm")
         steady = rows.dropna(subset="value")
         ends = np.abs(steady[["low", "high"]].to_numpy().T - steady["value"].to_numpy())
         ax.errorbar(
@@ -33,10 +33,10 @@ def run_up_figure(found: RunUp) -> Figure:
             label="constant speed, 95 % interval",
             **constant,
         )
-        if found.ramp_paths:
-            ax.plot(rows["rpm"], rows["ramp"], color=RAMP_COLOUR, lw=1.2, label="ramp")
+        if "ramp" in rows:
+            ax.plot(rows["ramp_rpm"], rows["ramp"], color=RAMP_COLOUR, lw=1.2, label="ramp")
             ax.fill_between(
-                rows["rpm"],
+                rows["ramp_rpm"],
                 rows["ramp_low"],
                 rows["ramp_high"],
                 color=RAMP_COLOUR,

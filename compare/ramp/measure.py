@@ -294,6 +294,7 @@ def _compare(
     difference = value - middle
     return {
         "effective_paths": effective,
+        "ramp_rpm": sums.weights @ sums.rpm,
         "ramp": value,
         "se_ramp": se,
         "ramp_low": low,

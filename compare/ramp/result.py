@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
-from rattle.compare.parameters.finding import Finding
+from rattle.compare.report.finding import Finding
 from rattle.compare.report.render import render_sentences
 from rattle.compare.stationary.result import speed_text
 from rattle.scene import Scene
@@ -38,10 +38,10 @@ class RunUp(Finding):
     table : DataFrame
         A row for each quantity (``rate_above``, ``speed_above``, ``power``, also by mesh) and speed
         ``rpm``: ``value, se, low, high`` at that constant speed; ``ramp, se_ramp, ramp_low,
-        ramp_high`` of the ramp around it; ``difference, se_difference, difference_low,
-        difference_high`` of the ramp from constant speeds averaged alike, with an ``allowance``
-        for what is not known between the speeds, and whether it ``differs`` with 95 % probability
-        for all rows together; in 1/s, mm/s and mW.
+        ramp_high`` of the ramp around it, whose mean speed there is ``ramp_rpm``; ``difference,
+        se_difference, difference_low, difference_high`` of the ramp from constant speeds averaged
+        alike, with an ``allowance`` for what is not known between the speeds, and whether it
+        ``differs`` with 95 % probability for all rows together; in 1/s, mm/s and mW.
     points : DataFrame
         A row for each speed: excitation ``omega``, drag and threshold of rattle of each wheel in
         N mm, the ``paths, periods, burn_in`` of the run, and a ``remark`` why there is none.
@@ -115,7 +115,7 @@ class RunUp(Finding):
         """
         from rattle.compare.ramp.figures import run_up_figure
 
-        return run_up_figure(self)
+        return run_up_figure(self.table, self.thresholds)
 
 
 def _largest(rows: pd.DataFrame) -> dict[Any, Any]:

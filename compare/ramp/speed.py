@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from rattle.montecarlo.long_run.ramp import Stretch
+from rattle.montecarlo.long_run.ramp import RampStretch
 from rattle.scene import Constants, Floats, InputError, Scene, check_scene, positive
 from rattle.scene.gear_values import scene_with
 from rattle.scene.gears import KG_MM_PER_S2_PER_N, SPEEDS, Gears
@@ -108,12 +108,12 @@ class SpeedRamp:
                 raise InputError("seconds", self.seconds, why)
         return c._replace(**changed)
 
-    def stretches(self, slow: float, periods: int) -> tuple[list[Stretch], Floats]:
+    def stretches(self, slow: float, periods: int) -> tuple[list[RampStretch], Floats]:
         """The ramp in stretches of so many periods, each at the speed in its middle, and these."""
         number = self.periods // periods
         rpm = self.rpm_at(periods * np.arange(0.5, number))
         parts = [
-            Stretch(self.constants_at(speed), self.slow_at(slow, speed), periods)
+            RampStretch(self.constants_at(speed), self.slow_at(slow, speed), periods)
             for speed in rpm.tolist()
         ]
         return parts, rpm

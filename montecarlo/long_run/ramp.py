@@ -22,7 +22,7 @@ COUNTED = ("number above", "speed above", "energy")
 """What a stretch sums for each group of impacts."""
 
 
-class Stretch(NamedTuple):
+class RampStretch(NamedTuple):
     """A stretch of the ramp."""
 
     constants: Constants
@@ -45,14 +45,16 @@ class RampPaths:
             for first in range(0, paths, WALKED_TOGETHER)
         ]
 
-    def follow(self, stretches: Sequence[Stretch], pool: ThreadPoolExecutor) -> Iterator[Floats]:
+    def follow(
+        self, stretches: Sequence[RampStretch], pool: ThreadPoolExecutor
+    ) -> Iterator[Floats]:
         """Follow all paths through the stretches, one after the other.
 
         Shapes: each result (paths, groups, `COUNTED`).
         """
         groups = np.arange(tally.MESH_GROUPS if self._meshes == 2 else 1)
 
-        def follow_one(walk: Walk, stretch: Stretch) -> Floats:
+        def follow_one(walk: Walk, stretch: RampStretch) -> Floats:
             sums = new_sums(walk.paths, 1, no_scales(stretch.slow), False)
             walk.change_constants(stretch.constants)
             walk.follow(sums, stretch.periods, stretch.periods)
