@@ -8,6 +8,8 @@ from .parameters.map import BoundaryMap as BoundaryMap
 from .parameters.of_closure import ClosureSensitivity as ClosureSensitivity
 from .parameters.of_closure import closure_sensitivity as closure_sensitivity
 from .parameters.sensitivity import Sensitivity as Sensitivity
+from .ramp.measure import run_up as run_up
+from .ramp.result import RunUp as RunUp
 from .stationary.result import Stationary as Stationary
 from .study.impacts import Tables as Tables
 from .validation.result import Validation as Validation

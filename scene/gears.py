@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import InitVar, dataclass, fields
 from typing import Any, ClassVar
 
+from rattle.scene.drag import DRAG_TABLES, DragTable, drag_at, read_drag
 from rattle.scene.errors import (
     InputError,
     check_keys,
@@ -101,8 +102,10 @@ class Gears:
     origin: InitVar["Gears | None"] = None
 
     # of an instance what `driven` was given in place of a field's value
-    _typed: ClassVar[dict[str, float]] = {}
-    ELSEWHERE = dict.fromkeys((*DRIVES[1:], "driver_radius", *SPEEDS), "give it to Gears.driven")
+    _typed: ClassVar[dict[str, Any]] = {}
+    ELSEWHERE = dict.fromkeys(
+        (*DRIVES[1:], "driver_radius", *SPEEDS, *DRAG_TABLES), "give it to Gears.driven"
+    )
 
     def __post_init__(self, origin: "Gears | None") -> None:
         given = [name for name in WHEEL2 if getattr(self, name) is not None]
@@ -136,6 +139,9 @@ class Gears:
             if (v := getattr(self, f.name)) != getattr(origin, f.name)
         }
         values = origin.values | changed
+        for table, torque in DRAG_TABLES.items():
+            if torque in changed:
+                values.pop(table, None)
         if "alpha" in changed:
             values = drive_by(values, "alpha", self.alpha)
         vars(self).update(vars(Gears.driven(**values)))
@@ -144,7 +150,7 @@ class Gears:
         return as_call("Gears.driven" if self._typed else "Gears", self.values)
 
     @property
-    def values(self) -> dict[str, float]:
+    def values(self) -> dict[str, Any]:
         """The values as they were typed, by name, without those of a wheel that does not exist."""
         values = {f.name: getattr(self, f.name) for f in fields(self)}
         if set(DRIVES) & set(self._typed):
@@ -167,6 +173,8 @@ class Gears:
         driver_radius: float | None = None,
         speed_rpm: float | None = None,
         speed_rad_s: float | None = None,
+        torque1_over_rpm: DragTable | None = None,
+        torque2_over_rpm: DragTable | None = None,
         **values: Any,
     ) -> "Gears":
         """Gears whose drive is given as the amplitude of the driver's motion, or with the mean
@@ -185,6 +193,10 @@ class Gears:
             Mean speed of the driver in revolutions per minute or in rad/s, one of them.  Wheel i
             then turns at ``speed R_e / R_i``, and what its damping brakes it by is added to the
             torque that is given.
+        torque1_over_rpm, torque2_over_rpm : sequence of pairs, optional
+            In place of `torque1` and `torque2`, with a mean speed: drag torques over the speed of
+            the driver, as pairs of 1/min and N mm at rising speeds, straight between them.  Left
+            out with `torque2`, wheel 2 has that of wheel 1.
         **values : float
             All other fields of Gears; `alpha` where no amplitude is given.
 
@@ -198,7 +210,8 @@ class Gears:
         ------
         InputError
             Unless the drive is given in just one way, or if a value has no physical meaning, or a
-            speed comes without `driver_radius`.
+            speed comes without `driver_radius`, or a table of drag without a speed or for another
+            one.
 
         Examples
         --------
@@ -207,6 +220,11 @@ class Gears:
         ...     amplitude=0.3, **others
         ... ) == Gears.driven(amplitude_rad=0.01, driver_radius=30.0, **others)
         True
+        >>> others |= {"amplitude": 0.3, "driver_radius": 30.0, "damping1": 0.0}
+        >>> del others["torque1"]
+        >>> oil = ((600.0, 40.0), (3000.0, 100.0))
+        >>> Gears.driven(speed_rpm=1800.0, torque1_over_rpm=oil, **others).torque1
+        70.0
         """
         drives = {
             "alpha": values.get("alpha"),
@@ -247,16 +265,23 @@ class Gears:
             values["alpha"] = amplitude / check_range(
                 "backlash1", positive("backlash1", backlash), *SIZES
             )
+        tables = _drag_tables(torque1_over_rpm, torque2_over_rpm, values, bool(speeds))
         gears = cls(**values)
-        typed = {name: v for name, v in drives.items() if v is not None and name != "alpha"}
+        typed: dict[str, Any] = dict(tables)
+        typed |= {name: v for name, v in drives.items() if v is not None and name != "alpha"}
         torques = {}
         if speeds:
             ((name, speed),) = speeds.items()
             # mean speed of all pitch circles, mm/s
             rim = radius * SPEEDS[name] * non_negative(name, speed)
+            rpm = speed * (SPEEDS[name] / SPEEDS["speed_rpm"])
             for i in range(1, gears.wheels + 1):
                 damping, _, torque, own = gears._wheel(i)
+                table = f"torque{i}_over_rpm"
                 typed[f"torque{i}"] = torque
+                if table in tables:
+                    torque = drag_at(table, tables[table], rpm)
+                    typed[f"torque{i}"] = None  # the table says it
                 torques[f"torque{i}"] = torque + damping * rim / own
             gears = cls(**values | torques)
         typed |= speeds | ({} if driver_radius is None else {"driver_radius": driver_radius})
@@ -321,7 +346,7 @@ class Gears:
     @property
     def amplitude(self) -> float:
         """Amplitude of the motion on the driver's pitch circle, ``alpha backlash1``, in mm."""
-        return self._typed.get("amplitude", self.alpha * self.backlash1)
+        return float(self._typed.get("amplitude", self.alpha * self.backlash1))
 
     @property
     def units(self) -> Units:
@@ -405,7 +430,8 @@ class Gears:
 def values_of(gears: Gears) -> dict[str, float]:
     """The values of gears that can be others: those that were typed, and the drive in mm and as
     `alpha`."""
-    return {"alpha": gears.alpha, "amplitude": gears.amplitude} | gears.values
+    typed = {name: value for name, value in gears.values.items() if name not in DRAG_TABLES}
+    return {"alpha": gears.alpha, "amplitude": gears.amplitude} | typed
 
 
 def check_typed(gears: Gears, name: str, asked: str) -> None:
@@ -434,6 +460,30 @@ def change_gears(gears: Gears, changes: Mapping[str, Any]) -> Gears:
         backlash = positive("backlash1", values["backlash1"])
         values["alpha"] = gears.amplitude / backlash
     return Gears.driven(**values)
+
+
+def _drag_tables(
+    first: object, second: object, values: dict[str, Any], has_speed: bool
+) -> dict[str, DragTable]:
+    """The tables of drag over speed by name; of wheel 2 that of wheel 1 where it has no drag of its
+    own."""
+    given = dict(zip(DRAG_TABLES, (first, second), strict=True))
+    tables = {name: read_drag(name, points) for name, points in given.items() if points is not None}
+    has_wheel2 = values.get("inertia2") is not None
+    for name in tables:
+        torque = DRAG_TABLES[name]
+        if not has_speed:
+            why = f"give it, and driver_radius: {name} is read at the driver's mean speed"
+            raise InputError("speed_rpm", None, why)
+        if values.get(torque) is not None:
+            raise InputError(torque, values[torque], f"{name} is given too; keep one of them")
+        if torque == "torque2" and not has_wheel2:
+            why = "belongs to wheel 2, which these gears do not have"
+            raise InputError(name, tables[name], why)
+    name1, name2 = DRAG_TABLES
+    if name1 in tables and name2 not in tables and has_wheel2 and values.get("torque2") is None:
+        tables[name2] = tables[name1]
+    return tables
 
 
 def drive_by(values: dict[str, Any], name: str, amplitude: float) -> dict[str, Any]:

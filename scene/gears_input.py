@@ -14,6 +14,7 @@ from dataclasses import MISSING, fields
 from pathlib import Path
 from typing import Any
 
+from rattle.scene.drag import DRAG_TABLES
 from rattle.scene.errors import InputError, check_keys, check_range, finite, non_negative, positive
 from rattle.scene.gears import DAT21, DRIVES, SPEEDS, WHEEL2, Gears
 from rattle.scene.measured_drive import MeasuredDrive, measure_drive
@@ -21,7 +22,7 @@ from rattle.scene.parts import Order
 
 GEAR_FIELDS = tuple(f.name for f in fields(Gears))
 REQUIRED = tuple(f.name for f in fields(Gears) if f.default is MISSING)
-OPTIONAL = (*DRIVES, "driver_radius", *SPEEDS, "tolerance")
+OPTIONAL = (*DRIVES, "driver_radius", *SPEEDS, *DRAG_TABLES, "tolerance")
 AMPLITUDES = {"amplitude_mm": "amplitude", "amplitude_rad": "amplitude_rad"}
 """An order's amplitude on the driver's pitch circle, in mm or rad, and what the gears call their
 own."""

@@ -81,6 +81,12 @@ class Tolerance:
         choice("tolerance.draw", self.draw, DRAWS)
 
     @property
+    def differs_by_set(self) -> bool:
+        """Whether every gear set has backlashes of its own, for good."""
+        drawn_once = self.draw == "path" and self.distribution != "fixed"
+        return drawn_once and max(self.c1_max, self.c2_max) > 0.0
+
+    @property
     def variances(self) -> tuple[float, float]:
         """Variances of ``c_1`` and ``c_2``, a pair of floats."""
         return (

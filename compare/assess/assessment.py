@@ -9,8 +9,8 @@ import pandas as pd
 from rattle.compare.assess.requirement import Fulfilment, Requirement
 from rattle.compare.judge.verdict import Verdict
 from rattle.compare.parameters.boundary import Boundary
-from rattle.compare.parameters.finding import Finding
 from rattle.compare.parameters.sensitivity import Sensitivity
+from rattle.compare.report.finding import Finding
 from rattle.compare.report.render import render_sentences
 from rattle.compare.stationary.page import show_quantity
 from rattle.compare.stationary.result import Stationary, speed_text

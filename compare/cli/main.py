@@ -14,7 +14,7 @@ from rattle.compare.cli.parameters import boundary, sensitivity
 from rattle.compare.cli.ranges import EXAMPLE, RENAMED
 from rattle.compare.cli.shared import CommandGroup, say
 from rattle.compare.cli.show import animate, drive, init, show
-from rattle.compare.cli.simulate import chaos, simulate, stationary
+from rattle.compare.cli.simulate import chaos, run_up, simulate, stationary
 from rattle.compare.cli.study import study
 from rattle.compare.cli.validate import tradeoff, validate
 from rattle.compare.report.interrupt import EXIT_INTERRUPTED, describe_interrupt, ends_soon, said
@@ -96,7 +96,7 @@ def main() -> None:
 
 for command in (
     *(animate, assess, boundary, chaos, check, drive, init, judge),
-    *(sensitivity, show, simulate, stationary, study, tradeoff, validate, warm_up),
+    *(run_up, sensitivity, show, simulate, stationary, study, tradeoff, validate, warm_up),
 ):
     main.add_command(command)
 

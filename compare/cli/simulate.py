@@ -45,6 +45,7 @@ BUDGET = (
     " not counted. [default: refused above an hour]"
 )
 BIFURCATION_POINTS = 24  # values of a bifurcation diagram, where a range does not say how many
+RUN_UP_POINTS = 12  # speeds of a run-up, likewise
 AN_HOUR = "an hour; beyond it the answer is what 20 s give"
 
 
@@ -280,6 +281,51 @@ def stationary(
     results.say(answer, lambda: found.to_dict(units or "dimensionless"))
     if found.run and found.run.reach and not found.run.reach.reached:
         raise click.exceptions.Exit(EXIT_NOT_MET)
+
+
+@click.command("run-up")
+@shared.SCENE_AND_SIGMA
+@shared.over("Mean speeds of the driver, 1/min.", "speed_rpm=600:3000:12", only="speed_rpm")
+@click.option("--down", is_flag=True, help="Let the speed fall, from HIGH to LOW.")
+@shared.real("seconds", "Duration of the ramp.", 10.0)
+@shared.real("slow", "Speed below which an impact is slow, at the speed of the file.", 0.1)
+@shared.real("budget", "Processor seconds, all threads together; compiling is not counted.", 60.0)
+@shared.SEED_AND_WORKERS
+@shared.report("reports/NAME-run-up", "ramp.page", shared.JSON_ALONE)
+def run_up(
+    base: Scene,
+    begin: Begin,
+    over: Range,
+    down: bool,
+    seed: int,
+    workers: int,
+    **settings: float,
+) -> None:
+    """Measure rattle over the speed: constant speeds, and a ramp.
+
+    Impacts a second, power and speeds while the driver's mean speed changes slowly, beside those at
+    constant speeds. SCENE is a TOML file of gears with a mean speed (speed_rpm).
+
+    Exit codes: 0 done; 2 bad input.
+    """
+    from rattle.compare import run_up as measure_run_up
+
+    speeds = over.values(base, RUN_UP_POINTS)
+    ends = (speeds[-1], speeds[0]) if down else (speeds[0], speeds[-1])
+    settings = shared.pick(settings, "seconds", "slow", "budget")
+    results = begin()
+    with shared.estimates_shown():
+        found = measure_run_up(
+            base,
+            rpm=ends,
+            points=len(speeds),
+            **settings,
+            rng=seed,
+            workers=workers,
+            progress="run-up",
+        )
+    results.write(found, scene=base.to_dict(), **settings, seed=seed, rpm=list(speeds), down=down)
+    results.say(found.answer, found.to_dict)
 
 
 @click.command()

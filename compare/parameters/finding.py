@@ -1,14 +1,13 @@
 """What boundaries, maps, crossings and sensitivities find has in common, and its words."""
 
-from dataclasses import fields
 from typing import Any, ClassVar
 
 import pandas as pd
 
 from rattle.compare.judge.verdict import Verdict
+from rattle.compare.report.finding import Finding
 from rattle.compare.report.texts import read_texts
 from rattle.montecarlo.looks import BUDGET_ENDED
-from rattle.scene import as_html
 from rattle.scene.numpy_errors import numpy_defaults
 
 PARAMETER_TEXTS = read_texts("parameters")
@@ -45,39 +44,6 @@ def by_error(rows: pd.DataFrame) -> pd.DataFrame:
     """Rows with a verdict, the largest error over its tolerance first."""
     excess = rows["error"].abs() / rows["tolerance"]
     return rows.loc[excess.sort_values(ascending=False, kind="stable").index]
-
-
-@numpy_defaults
-class Finding:
-    """What a search, or a comparison of runs, has found: the base of dataclasses."""
-
-    title: ClassVar[str]  # with attributes between braces
-    shown: ClassVar[str]  # the table below the answer in a notebook
-
-    @property
-    def answer(self) -> list[str]:
-        """In sentences."""
-        raise NotImplementedError
-
-    def __repr__(self) -> str:
-        """What was found, on a few lines."""
-        return "\n  ".join([self.title.format_map(vars(self)), *self.answer])
-
-    def _repr_html_(self) -> str:
-        return as_html(repr(self), getattr(self, self.shown).to_html(max_rows=40))
-
-    def to_dict(self) -> dict[str, Any]:
-        """Everything as plain data: tables by their rows, edges by the names of their fields."""
-        data: dict[str, Any] = {"answer": self.answer}
-        for field in fields(self):  # type: ignore[arg-type]  # of a dataclass
-            value = getattr(self, field.name)
-            if isinstance(value, pd.DataFrame):
-                value = (value.reset_index() if value.index.name else value).to_dict("records")
-            elif isinstance(value, tuple):
-                value = [one._asdict() if hasattr(one, "_asdict") else one for one in value]
-            data[field.name] = value
-        del data["scene"]
-        return data
 
 
 @numpy_defaults

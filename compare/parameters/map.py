@@ -24,11 +24,11 @@ from rattle.compare.parameters.boundary import (
 )
 from rattle.compare.parameters.finding import (
     PARAMETER_TEXTS,
-    Finding,
     after_number,
     list_values,
 )
 from rattle.compare.parameters.search import Edge
+from rattle.compare.report.finding import Finding
 from rattle.compare.study.parameters import find_parameter, find_range
 from rattle.montecarlo.kernel.blocks import Blocks
 from rattle.montecarlo.seed import read_whole_seed

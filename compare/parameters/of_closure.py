@@ -15,8 +15,9 @@ import pandas as pd
 from rattle.closure.closure import Closure
 from rattle.closure.mean_map import find_closure, predict
 from rattle.compare.judge.verdict import JUDGED, Tolerances, judge
-from rattle.compare.parameters.finding import PARAMETER_TEXTS, Finding, by_error
+from rattle.compare.parameters.finding import PARAMETER_TEXTS, by_error
 from rattle.compare.parameters.sensitivity import change_scenes, find_slopes
+from rattle.compare.report.finding import Finding
 from rattle.compare.study.parameters import CHANGE, PERCENT, Parameter, choose_parameters
 from rattle.montecarlo import Sampling, default_step, simulate
 from rattle.montecarlo.diagnostics.accuracy import small_noise

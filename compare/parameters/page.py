@@ -10,10 +10,11 @@ from rattle.compare.judge import verdict
 from rattle.compare.parameters import crossing, search
 from rattle.compare.parameters.boundary import Boundary
 from rattle.compare.parameters.figures import tornado
-from rattle.compare.parameters.finding import PARAMETER_TEXTS, Finding, by_error
+from rattle.compare.parameters.finding import PARAMETER_TEXTS, by_error
 from rattle.compare.parameters.map import BoundaryMap
 from rattle.compare.parameters.of_closure import SIMULATED_CHANGES, ClosureSensitivity
 from rattle.compare.parameters.sensitivity import Sensitivity
+from rattle.compare.report.finding import Finding
 from rattle.compare.report.report import Report
 from rattle.compare.report.table import NO_VALUE
 from rattle.compare.study.parameters import PERCENT, RELATIVE_CHANGES

@@ -17,7 +17,8 @@ from rattle.compare.parameters.changed_motion import (
     Shared,
     count_work,
 )
-from rattle.compare.parameters.finding import Finding, quantity_words, value_text
+from rattle.compare.parameters.finding import quantity_words, value_text
+from rattle.compare.report.finding import Finding
 from rattle.compare.stationary.result import unit_of
 from rattle.compare.study.parameters import (
     CHANGE,

@@ -23,16 +23,24 @@ LEGEND_WIDTH = 7.4  # inches, that the legend of a figure with one panel takes
 
 
 def draw(
-    run: LongRun, table: pd.DataFrame, laws: Mapping[str, Law | str], verdicts: pd.DataFrame
+    run: LongRun,
+    table: pd.DataFrame,
+    laws: Mapping[str, Law | str],
+    verdicts: pd.DataFrame,
+    scatter: pd.DataFrame,
+    sets: Mapping[str, Floats],
 ) -> dict[str, Figure]:
-    """All figures of a long run, of the table of its quantities, and of what the closures say of
-    them."""
+    """All figures of a long run, of the table of its quantities, of what the closures say of them,
+    and of the scatter between gear sets: its quantiles, and the values of all sets by quantity."""
     gears = run.scene.gears
     out = {
         "distribution": distribution_figure(run, laws, gears),
         "section": section_figure(run.densities, gears),
-        "memory": memory_figure(table),
     }
+    if sets:
+        out["scatter"] = scatter_figure(scatter, sets)
+    if not run.is_scattered:
+        out["memory"] = memory_figure(table)
     if len(verdicts) and verdicts["predicted"].notna().any():
         out["closures"] = closure_figure(verdicts)
     return out
@@ -117,6 +125,28 @@ def memory_figure(table: pd.DataFrame) -> Figure:
     ax.set_yticks(at, rows.index, fontsize=7)
     ax.set(xscale="log", ylim=(-1.0, len(rows)))
     ax.set_xlabel("autocorrelation time (impacts); 1: as if impacts were independent")
+    return figure
+
+
+def scatter_figure(scatter: pd.DataFrame, sets: Mapping[str, Floats]) -> Figure:
+    """Draw the distribution of each quantity over gear sets, with its quantiles and their
+    intervals."""
+    figure, axes = new_figure(3.1 * len(sets), 3.4, 1, len(sets))
+    for ax, (quantity, values) in zip(axes, sets.items(), strict=True):
+        rows = scatter[scatter["quantity"] == quantity].dropna(subset="low")
+        steps = np.sort(values)
+        share = 100.0 * np.arange(1, len(steps) + 1) / len(steps)
+        colour = STYLE["monte carlo"]["color"]
+        ax.step(steps, share, where="post", color=colour, lw=1.0, label="gear sets")
+        ends = np.abs(rows[["low", "high"]].to_numpy().T - rows["value"].to_numpy())
+        marks: Any = {"fmt": "o", "ms": 4, "capsize": 3, "color": STYLE["saltation"]["color"]}
+        label = "quantile with 95 % interval"
+        ax.errorbar(rows["value"], rows["percent"], xerr=ends, label=label, **marks)
+        unit = scatter.loc[scatter["quantity"] == quantity, "unit"].iloc[0]
+        ax.set_xlabel(f"{quantity} ({unit})" if unit else quantity)
+        ax.set_ylim(0.0, 100.0)
+    axes[0].set_ylabel("share of gear sets below (%)")
+    legend_above(figure, axes, 2)
     return figure
 
 

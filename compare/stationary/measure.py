@@ -141,6 +141,8 @@ def stationary(
         raise BurnInError("burn_in", refused.value, why) from refused
     do("stationary: the errors of all quantities")
     table = pd.DataFrame(run.estimates, index=ESTIMATE_COLUMNS).T.rename_axis("quantity")
+    if run.is_scattered:  # the variance of the estimate is that between gear sets
+        table["autocorrelation"] = math.nan
     said = (
         f"{run.impacts:,} impacts on {run.paths} paths of {run.periods:,} periods each, after a"
         f" burn-in of {run.burn_in.periods:,}; the orbit without noise {orbit.reason}."

@@ -16,6 +16,7 @@ from rattle.compare.report.table import NO_VALUE, Table
 from rattle.compare.report.texts import CLOSURE_TERMS, VERDICT_TERMS, glossary
 from rattle.compare.stationary.result import LEAST_EFFECTIVE, Stationary, speed_text
 from rattle.compare.stationary.verdicts import STATIONARY_TEXTS, TOLERANCES
+from rattle.montecarlo.long_run.scatter import FEWEST_SETS
 from rattle.scene.changes import UNIT_VALUES
 from rattle.scene.text import number_text, percent
 from rattle.scene.threshold import rattle_threshold
@@ -74,6 +75,9 @@ def make_report(found: Stationary, view: Bifurcation | None, record: dict[str, A
     if len(found.verdicts):
         tables["verdicts"] = found.verdicts_in(units)
         content["verdicts"] = _verdicts(tables["verdicts"])
+    if len(found.scatter):
+        tables["scatter"] = found.scatter_in(units)
+        content["scatter"] = tables["scatter"]
     if found.densities:
         tables["sections"] = pd.concat([d.table for d in found.densities], ignore_index=True)
     if view is not None:
@@ -135,6 +139,14 @@ def answer(found: Stationary) -> list[str]:
         few=list(found.few.sort_values().items()),
         least_effective=LEAST_EFFECTIVE,
         ratios=(table["se_batches"] / table["se"])[table["se"] > 0.0].dropna(),
+        sets={
+            name: rows.set_index("percent").to_dict("index")
+            for name, rows in found.scatter_in(units).groupby("quantity")
+        }
+        if len(found.scatter)
+        else {},
+        lost="power" if found.scene.gears else "energy_per_period",
+        fewest_sets=FEWEST_SETS,
         closures={closure: rows.to_dict("records") for closure, rows in closures},
     )
 

@@ -4,6 +4,7 @@ import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import product
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,6 +13,8 @@ import pandas as pd
 from rattle.closure.stationary import Law
 from rattle.compare.stationary.verdicts import judge_predictions, laws, predictions
 from rattle.montecarlo.long_run import LongRun, SectionDensity
+from rattle.montecarlo.long_run.estimates import groups
+from rattle.montecarlo.long_run.scatter import SCATTER_PERCENT, SCATTERED, values_of_sets
 from rattle.scene import Gears, InputError, Scene, as_html, choice
 from rattle.scene.long_orbit import Attractor
 from rattle.scene.numpy_errors import numpy_defaults
@@ -25,6 +28,8 @@ if TYPE_CHECKING:
 LEAST_EFFECTIVE = 16.0
 """Effective paths below which an interval is a tenth wider for that, or more."""
 LEAST_SHARE = 0.25  # of the paths, where there are few
+DRAWN_OF_SETS = ("rate_above", "speed_above", "power")
+"""Quantities whose distribution over gear sets is drawn."""
 MESH_OR_MOMENT = re.compile(r"^(sd_|rms_|q\d\d_)|(_above)?(_mesh[12])?$")
 """What the name of a quantity says beside its kind."""
 NUMERIC = ["value", "se", "low", "high", "se_batches"]
@@ -175,9 +180,38 @@ class Stationary:
         """The closures against the simulation, row by row, dimensionless."""
         if self.run is None:
             return pd.DataFrame()
-        return judge_predictions(
+        judged = judge_predictions(
             self.table, self.run.periods, predictions(self.laws, self.scene, self.slow)
         )
+        if self.run.is_scattered:  # more gear sets decide, not longer paths
+            judged["periods_needed"] = np.nan
+        return judged
+
+    @cached_property
+    def scatter(self) -> pd.DataFrame:
+        """The distribution over gear sets, dimensionless, where each has backlashes of its own;
+        else empty.
+
+        Columns ``quantity, percent, value, low, high, error_share``: quantiles over sets with 95 %
+        intervals, and the share of the variance between paths that was taken off because it is the
+        error of a path of finite length.
+        """
+        rows = []
+        if self.run is not None and self.run.is_scattered:
+            for (group, suffix), kind in product(groups(self.scene.stages), SCATTERED):
+                values = values_of_sets(self.run.sums, kind, group)
+                if values is None:
+                    continue
+                # a seed of its own: the result depends on nothing else
+                quantiles = values.quantiles(np.random.SeedSequence(0))
+                for percent, row in zip(SCATTER_PERCENT, quantiles.tolist(), strict=True):
+                    rows.append((kind + suffix, percent, *row, values.error_share))
+        columns = ["quantity", "percent", "value", "low", "high", "error_share"]
+        return pd.DataFrame(rows, columns=columns)
+
+    def scatter_in(self, units: str) -> pd.DataFrame:
+        """`scatter` in a system of units, with a column ``unit``, as `table_in`."""
+        return in_units(self.scatter, self.scene.gears, units)
 
     def table_in(self, units: str) -> pd.DataFrame:
         """`table` in physical units, for a scene that was made from gears.
@@ -203,16 +237,25 @@ class Stationary:
         """All figures of the page by name; none for exact values."""
         from rattle.compare.stationary.figures import draw
 
-        return {} if self.run is None else draw(self.run, self.table, self.laws, self.verdicts)
+        if self.run is None:
+            return {}
+        units = "physical" if self.scene.gears else "dimensionless"
+        sets = {}
+        for name in DRAWN_OF_SETS if self.run.is_scattered else ():
+            values = values_of_sets(self.run.sums, name, 0)
+            if values is not None:
+                sets[name] = values.corrected * unit_of(name, self.scene.gears, units)[1]
+        scatter = self.scatter_in(units)
+        return draw(self.run, self.table, self.laws, self.verdicts, scatter, sets)
 
     def plot(self, kind: str = "distribution") -> "Figure":
         """Draw a figure of the page.
 
         Parameters
         ----------
-        kind : {"distribution", "section", "memory", "closures"}
-            Velocities before an impact, their density over the phase, autocorrelation times, or
-            errors of the closures.
+        kind : {"distribution", "section", "memory", "closures", "scatter"}
+            Velocities before an impact, their density over the phase, autocorrelation times, errors
+            of the closures, or the distribution over gear sets.
 
         Returns
         -------
@@ -286,4 +329,6 @@ class Stationary:
             facts["reach"] = run.reach.sentence if run.reach else None
             facts["reached"] = run.reach is None or run.reach.reached
         table = self.table_in(units).reset_index().to_dict("records")
-        return facts | {"table": table, "verdicts": self.verdicts_in(units).to_dict("records")}
+        scatter = self.scatter_in(units).to_dict("records")
+        verdicts = self.verdicts_in(units).to_dict("records")
+        return facts | {"table": table, "scatter": scatter, "verdicts": verdicts}

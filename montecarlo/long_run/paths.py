@@ -131,10 +131,9 @@ class LongPaths:
         return self._walks[0].periods
 
     @property
-    def own_walls(self) -> bool:
-        """Whether each path has a backlash of its own for good."""
-        t = self.scene.tolerance
-        return t is not None and t.distribution != "fixed" and t.draw != "contact"
+    def are_sets(self) -> bool:
+        """Whether each path is a gear set with backlashes of its own."""
+        return self.scene.tolerance is not None and self.scene.tolerance.differs_by_set
 
     @property
     def main(self) -> Floats:

@@ -63,6 +63,7 @@ class LongReach(NamedTuple):
     worst: str  # the quantity whose interval is widest
     width: float  # half width of its interval over its value
     more_seconds: float  # estimated time that is missing; 0 where the accuracy was reached
+    sets: int = 0  # gear sets that would suffice, where only more of them narrow the interval
 
     @property
     def reached(self) -> bool:
@@ -75,6 +76,11 @@ class LongReach(NamedTuple):
         found = f"the widest interval is ± {self.width:.2g} of its value ({self.worst})"
         if self.reached:
             return f"Accuracy {self.asked:g} reached: {found}."
+        if self.sets:
+            return (
+                f"Accuracy {self.asked:g} NOT reached: {found}, because gear sets differ; longer"
+                f" paths do not help, about {self.sets:,} sets (paths) would."
+            )
         more = f"{duration_text(self.more_seconds)} of processor time more"
         return (
             f"Accuracy {self.asked:g} NOT reached within the budget: {found}; about {more} would"
@@ -143,6 +149,11 @@ class LongRun:
     def impacts(self) -> int:
         """Impacts of all paths after the burn-in."""
         return int(self.sums.main[:, :, NUMBER].sum())
+
+    @property
+    def is_scattered(self) -> bool:
+        """Whether each path is a gear set with backlashes of its own."""
+        return self.scene.tolerance is not None and self.scene.tolerance.differs_by_set
 
     @cached_property
     def estimates(self) -> dict[str, StationaryEstimate]:

@@ -19,6 +19,7 @@ from rattle.montecarlo.kernel.blocks import HOUR, clock
 from rattle.montecarlo.long_run.estimates import StationaryEstimate, all_names, estimates
 from rattle.montecarlo.long_run.paths import PATH_BATCHES, STATIONARY_PERIODS, LongPaths, warm_up
 from rattle.montecarlo.long_run.result import BurnIn, Contrast, LongReach, LongRun
+from rattle.montecarlo.long_run.scatter import error_share
 from rattle.montecarlo.long_run.sums import NUMBER, new_sums, no_scales, scales_of_pilot
 from rattle.montecarlo.long_run.walk import Walk
 from rattle.montecarlo.looks import begin_budget, grow
@@ -42,6 +43,9 @@ LONGEST_BURN_IN = 2**15
 """Periods after which a run is tested for the first time, and the longest burn-in that is tried."""
 # of a path in the last half, on average, without which there is nothing to compare
 LEAST_IMPACTS = 20.0
+LITTLE_ERROR = 0.1
+"""Share of the variance between gear sets below which longer paths narrow no interval: it is the
+sets that differ."""
 FALSE_TEST = 1e-3  # probability that a run that is stationary fails a test
 TOO_FAR = 4.0  # ratio of variances between and within paths from which paths count as kept apart
 PARTS_OF_HALF = 4  # of the last half, within each path
@@ -127,7 +131,7 @@ def settle(paths: LongPaths, burn_in: int | None) -> BurnIn:
         differ = None
         if quarter:
             moved = drift(main, slice(quarter, 2 * quarter), late)
-            if quarter * 2 % PARTS_OF_HALF == 0 and not paths.own_walls:
+            if quarter * 2 % PARTS_OF_HALF == 0 and not paths.are_sets:
                 differ = apart(main, late)
         if burn_in is not None or (
             moved.reached and (differ is None or differ.reached) and impacts >= LEAST_IMPACTS
@@ -219,6 +223,12 @@ def _gather(
         width, worst = _find_widest(estimates(paths.collect(), asked))
         before = paths.periods
         need = math.inf if math.isinf(width) else before * (width / goal) ** 2
+        if paths.are_sets:
+            share = error_share(paths.collect())
+            if share <= LITTLE_ERROR and width > goal:
+                sets = math.ceil(len(paths.main) * (width / goal) ** 2)
+                return LongReach(goal, worst, width, 0.0, sets)
+            need = before * share / LITTLE_ERROR
         more = max(need - before, 0.0)
         if width <= goal:
             return LongReach(goal, worst, width, 0.0)

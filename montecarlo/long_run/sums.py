@@ -38,7 +38,9 @@ WORK = OPEN + 2
 NOISE = WORK + 4
 """Columns of `Sums.main` from here: the control variates of
 `rattle.montecarlo.long_run.noise_work`."""
-MAIN = NOISE + CONTROLS
+ABOVE_SPEED = NOISE + CONTROLS
+"""Columns of `Sums.main` from here: speed of impacts that are not slow, of each group."""
+MAIN = ABOVE_SPEED + MESH_GROUPS
 FLIGHT = 0
 ABOVE = 2
 DISTRIBUTION_KINDS = 3
@@ -253,6 +255,8 @@ def add_stretch(
             main[4 * g + SPEED] += abs(y)
             main[4 * g + ENERGY] += lost
             main[4 * g + SLOW] += slow
+            if not slow:
+                main[ABOVE_SPEED + g] += abs(y)
             if detail:
                 flight = rows[p, k, 1]
                 own = now - last[mesh - 1]
@@ -273,6 +277,7 @@ def add_stretch(
         if two:
             for column in range(4):
                 main[column] = main[4 + column] + main[8 + column]
+            main[ABOVE_SPEED] = main[ABOVE_SPEED + 1] + main[ABOVE_SPEED + 2]
         _add_wheel(0, c.wall1, c.beta1, states[p], sine, cosine, walls, p, main)
         if two:
             _add_wheel(1, c.wall2, c.beta2, states[p], sine, cosine, walls, p, main)

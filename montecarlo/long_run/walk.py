@@ -20,7 +20,7 @@ from rattle.montecarlo.schemes.exact_flight import EXACT
 from rattle.montecarlo.schemes.lanes import Lanes, Room
 from rattle.montecarlo.schemes.step_size import default_step
 from rattle.montecarlo.schemes.time_scales import time_scales
-from rattle.scene import Floats, Ints, Scene
+from rattle.scene import Constants, Floats, Ints, Scene
 from rattle.scene.compiled import jit
 from rattle.scene.linear_algebra import put, put_row
 
@@ -239,6 +239,10 @@ class Walk:
             if b.counters[BEGIN] == 0:
                 self._shorten()
         sums.batch[0] = batch
+
+    def change_constants(self, constants: Constants) -> None:
+        """Follow all paths with other constants from here on; their states stay as they are."""
+        self._block = self._block._replace(job=self._block.job._replace(c=constants))
 
     def _shorten(self) -> None:
         """Take shorter stretches from the next period on if some of this period had very many

@@ -10,14 +10,21 @@ import pytest
 
 from rattle import DAT21, Gears, InputError, Order, Scene
 from rattle.scene import nearest
+from rattle.scene.threshold import rattle_threshold
 
 OTHERS = {name: value for name, value in DAT21.values.items() if name != "alpha"}
 MOVED = Gears.driven(amplitude=0.3, **OTHERS)
 TURNED = Gears.driven(amplitude_rad=0.01, driver_radius=30.0, **OTHERS)
 FAST = Gears.driven(amplitude=0.3, speed_rpm=800.0, driver_radius=30.0, **OTHERS)
+OIL = ((600.0, 20.0), (1000.0, 60.0), (3000.0, 100.0))
+"""Drag over speed: 40 N mm at the 800/min of `FAST`."""
+OILED = Gears.driven(
+    **{name: v for name, v in FAST.values.items() if not name.startswith("torque")},
+    torque1_over_rpm=OIL,
+)
 
 
-@pytest.mark.parametrize("gears", [MOVED, TURNED, FAST], ids=["mm", "rad", "speed"])
+@pytest.mark.parametrize("gears", [MOVED, TURNED, FAST, OILED], ids=["mm", "rad", "speed", "oil"])
 def test_another_backlash_is_the_same_motion(gears):
     wide = replace(Scene.from_gears(gears).gears, backlash1=0.4)
     assert wide.amplitude == pytest.approx(0.3, rel=1e-15)
@@ -43,12 +50,29 @@ def test_a_mean_speed_is_counted_in_again():
     assert replace(FAST, damping1=200.0).values["torque1"] == 100.0
 
 
+def test_a_drag_table_is_read_again_at_every_speed():
+    brake = FAST.torque1 - 100.0
+    assert OILED.torque1 == pytest.approx(40.0 + brake)
+    assert OILED.values["torque2_over_rpm"] == OIL  # wheel 2 as wheel 1
+    scene = Scene.from_gears(OILED, sigma=0.1)
+    faster = scene.with_gears(speed_rpm=2000.0)
+    assert faster.gears.torque1 == pytest.approx(80.0 + 2.5 * brake)
+    assert rattle_threshold(faster)[1].drag == faster.gears.torque2
+    assert scene.with_gears(speed_rpm=3000.0).gears.torque1 > faster.gears.torque1
+    with pytest.raises(InputError, match="the table ends at 600 and 3000 1/min; add a point"):
+        scene.with_gears(speed_rpm=3001.0)
+    constant = replace(OILED, torque1=50.0)
+    assert constant.torque1 == pytest.approx(50.0 + brake)
+    assert "torque1_over_rpm" not in constant.values
+    assert constant.values["torque2_over_rpm"] == OIL
+
+
 def test_a_repr_and_a_file_have_what_was_typed():
     assert "amplitude=0.3" in repr(MOVED)
     assert "alpha" not in repr(MOVED)
     assert "speed_rpm=800.0" in repr(FAST)
     assert "torque1=100.0" in repr(FAST)
-    for gears in (MOVED, TURNED, FAST, DAT21):
+    for gears in (MOVED, TURNED, FAST, OILED, DAT21):
         scene = Scene.from_gears(gears, sigma=0.1)
         assert eval(repr(scene), {"Scene": Scene, "Gears": Gears, "DAT21": DAT21}) == scene
         again = Scene.from_toml(scene.to_toml())

@@ -11,6 +11,7 @@ from rattle.scene import DAT21, Gears, InputError, Scene, Start, Tolerance
 
 OTHERS = {name: value for name, value in asdict(DAT21).items() if name != "alpha"}
 TEXT = "[gears]\n" + "".join(f"{name} = {value!r}\n" for name, value in OTHERS.items())
+TURNING = "alpha = 1.5\nspeed_rpm = 800.0\ndriver_radius = 30.0\n"
 
 
 def written(tmp_path, text):
@@ -51,6 +52,27 @@ def test_the_drive_is_given_as_alpha_or_as_an_amplitude(tmp_path, drive):
             "gears.speed_rpm = -8: must be 0 or greater",
         ),
         ("alpha = 1.5\nspeed = 800", "did you mean 'speed_rpm'?"),
+        (
+            "alpha = 1.5\ntorque1_over_rpm = [[600, 5], [900, 6]]",
+            "gears.speed_rpm = None: give it, and driver_radius: torque1_over_rpm is read at",
+        ),
+        (
+            f"{TURNING}torque1_over_rpm = [[600, 5], [900]]",
+            "gears.torque1_over_rpm = [900]: point 2 leaves a gap in the table",
+        ),
+        (
+            f"{TURNING}torque1_over_rpm = [[600, 5], [900, nan]]",
+            "gears.torque1_over_rpm: torque of point 2 = nan",
+        ),
+        (
+            f"{TURNING}torque1_over_rpm = [[600, 5], [500, 6]]",
+            "gears.torque1_over_rpm = 500: must be above 600",
+        ),
+        (
+            f"{TURNING}torque1_over_rpm = [[600, 5], [900, 6]]",
+            "gears.torque1 = 100.0: torque1_over_rpm is given too",
+        ),
+        (f"{TURNING}torque1_over_rpm = 5.0", "gears.torque1_over_rpm = 5.0: write it as"),
         (
             "amplitude_rad = 0.01\ndriver_radius = 0.0",
             "gears.driver_radius = 0.0: must be greater than 0",

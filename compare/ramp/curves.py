@@ -1,0 +1,132 @@
+"""Curves over the speed: what the ramp's paths do around each speed, and constant speeds averaged
+alike.
+
+Around each speed there is a hat, 1 there and falling linearly to 0 at its neighbours.  What the
+ramp does under a hat is compared with the mean of constant speeds under the same hat.  Between two
+of these what is straight is the dimensionless quantity; how far a cubic spline is from that is an
+allowance for what is not known there.
+"""
+
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import NamedTuple
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from rattle.compare.ramp.speed import TURN, SpeedRamp
+from rattle.montecarlo.long_run.ramp import RampPaths, RampStretch
+from rattle.montecarlo.statistics.intervals import Spread, spread
+from rattle.scene import Floats
+from rattle.scene.progress import ProgressBar
+
+
+class RampSums(NamedTuple):
+    """What the paths did under each hat, in 1, mm/s and mJ."""
+
+    counted: Floats  # (speeds, paths, groups, number and speed above and energy)
+    time: Floats  # seconds under each hat; (speeds,)
+    knots: Floats  # the speeds, 1/min
+    rpm: Floats  # of each stretch; (stretches,)
+    weights: Floats  # of each stretch in the mean under each hat; (speeds, stretches)
+
+    def per_time(self, kind: int, group: int) -> list[Spread]:
+        """Counts (0) or energy (2) a second under each hat."""
+        return [
+            spread(counted[:, group, kind] / time)
+            for counted, time in zip(self.counted, self.time, strict=True)
+        ]
+
+    def average(self, power: int, curved: bool = False) -> Floats:
+        """The mean under each hat of a quantity that is known at the speeds: a matrix.
+
+        `power`: of the speed, that makes the quantity dimensionless. `curved`: whether it is a
+        spline between the speeds, or straight.
+        """
+        ones = np.eye(len(self.knots))
+        if curved:
+            basis = CubicSpline(self.knots, ones)(self.rpm)
+        else:
+            basis = np.array([np.interp(self.rpm, self.knots, one) for one in ones]).T
+        scale = self.rpm[:, None] / self.knots
+        return np.asarray(self.weights @ (basis * scale**power))
+
+    def mean_speeds(self, group: int) -> list[Spread]:
+        """The mean speed of impacts that are not slow, under each hat."""
+        return [mean_of(counted[:, group, 1], counted[:, group, 0]) for counted in self.counted]
+
+
+def mean_of(total: Floats, number: Floats) -> Spread:
+    """A ratio of sums over paths with its spread, to first order; NaN where there is nothing.
+
+    Shapes: `total`, `number` (paths,).
+    """
+    if number.sum() == 0.0:
+        return Spread(np.nan, np.nan, np.nan)
+    value = float(total.sum() / number.sum())
+    return spread((total - value * number) / number.mean() + value, value)
+
+
+def follow_ramp(
+    ramp: SpeedRamp,
+    knots: Sequence[float],
+    slow: float,
+    stretch: int,
+    paths: RampPaths,
+    burn_in: int,
+    pool: ThreadPoolExecutor,
+    bar: ProgressBar,
+) -> RampSums:
+    """Follow paths through the ramp in stretches of so many periods, after a burn-in at its first
+    speed.
+
+    `knots`: the speeds, in rising order, around which the ramp is averaged.
+    """
+    stretches, rpm = ramp.stretches(slow, stretch)
+    begin = ramp.scene_at(ramp.first).constants
+    before = RampStretch(begin, ramp.slow_at(slow, ramp.first), burn_in)
+    for _ in paths.follow([before], pool):
+        bar.update(burn_in)
+    hats = np.array([np.interp(rpm, knots, one) for one in np.eye(len(knots))])
+    seconds = stretch * TURN / ramp.omega_at(rpm)
+    units = ramp.gears.units
+    faster = rpm / ramp.file_rpm
+    ones = np.ones_like(rpm)
+    factors = np.stack([ones, units.speed * faster, units.energy * faster**2], axis=1)
+    counted = 0.0
+    for hat, factor, sums in zip(hats.T, factors, paths.follow(stretches, pool), strict=True):
+        counted = counted + hat[:, None, None, None] * (factor * sums)
+        bar.update(stretch)
+    time = hats @ seconds
+    weights = hats * seconds / time[:, None]
+    return RampSums(np.asarray(counted), time, np.asarray(knots), rpm, weights)
+
+
+Curve = tuple[Floats, Floats]
+"""Values at the constant speeds, or means under the hats, with their standard errors."""
+
+
+def average_steady(sums: RampSums, power: int, known: Curve) -> tuple[Floats, Floats, Floats]:
+    """Means of constant speeds under each hat, their standard errors, and the allowance for what is
+    not known between the speeds."""
+    values, errors = known
+    straight = sums.average(power)
+    mean = straight @ values
+    allowance = np.abs(sums.average(power, curved=True) @ values - mean)
+    return mean, np.sqrt(straight**2 @ errors**2), allowance
+
+
+def average_speeds(sums: RampSums, rate: Curve, speed: Curve) -> tuple[Floats, Floats, Floats]:
+    """The same of the mean speed of impacts, weighted by their number."""
+    rates, rate_errors = rate
+    speeds, speed_errors = speed
+    straight = sums.average(1)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        number = straight @ rates
+        mean = sums.average(2) @ (rates * speeds) / number
+        curved = sums.average(2, curved=True) @ (rates * speeds)
+        curved /= sums.average(1, curved=True) @ rates
+        by_speed = sums.average(2) * rates / number[:, None]
+        by_rate = straight * (speeds - mean[:, None]) / number[:, None]
+    variance = by_speed**2 @ speed_errors**2 + by_rate**2 @ rate_errors**2
+    return mean, np.sqrt(variance), np.abs(curved - mean)

@@ -1,0 +1,55 @@
+"""The figure of a run-up."""
+
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
+
+from rattle.compare.report.style import ACCURATE_COLOUR, STYLE, legend_above, new_figure
+
+RAMP_COLOUR = "#D55E00"
+LABELS = {
+    "rate_above": "impacts a second\nthat are not slow",
+    "speed_above": "their mean speed (mm/s)",
+    "power": "power lost (mW)",
+}
+
+
+def run_up_figure(table: pd.DataFrame, thresholds: pd.DataFrame) -> Figure:
+    """Draw every quantity over the speed, at constant speeds and in the ramp, with intervals."""
+    figure, axes = new_figure(7.4, 7.2, len(LABELS), 1)
+    constant: Any = {"color": STYLE["monte carlo"]["color"], "fmt": "o-", "ms": 4, "capsize": 2}
+    crossings = thresholds.dropna(subset="rpm")
+    for ax, name in zip(axes, LABELS, strict=True):
+        rows = table[table["quantity"] == name].sort_values("rpm")
+        steady = rows.dropna(subset="value")
+        ends = np.abs(steady[["low", "high"]].to_numpy().T - steady["value"].to_numpy())
+        ax.errorbar(
+            steady["rpm"],
+            steady["value"],
+            yerr=np.nan_to_num(ends),
+            lw=0.9,
+            label="constant speed, 95 % interval",
+            **constant,
+        )
+        if "ramp" in rows:
+            ax.plot(rows["ramp_rpm"], rows["ramp"], color=RAMP_COLOUR, lw=1.2, label="ramp")
+            ax.fill_between(
+                rows["ramp_rpm"],
+                rows["ramp_low"],
+                rows["ramp_high"],
+                color=RAMP_COLOUR,
+                alpha=0.25,
+                lw=0.0,
+                label="ramp: 95 % interval",
+            )
+        for motion, style in (("constant speed", "--"), ("ramp", ":")):
+            for rpm in crossings.loc[crossings["motion"] == motion, "rpm"]:
+                label = f"threshold of rattle, {motion}"
+                ax.axvline(rpm, color=ACCURATE_COLOUR, ls=style, lw=1.2, label=label)
+        ax.set_ylabel(LABELS[name])
+        ax.set_ylim(bottom=0.0)
+    axes[-1].set_xlabel("mean speed of the driver (1/min)")
+    legend_above(figure, axes, 3)
+    return figure

@@ -1,0 +1,378 @@
+"""The public entry `run_up`: constant speeds, the ramp itself, and the difference of the two."""
+
+from concurrent.futures import ThreadPoolExecutor
+from itertools import product
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from rattle.compare.ramp.curves import (
+    RampSums,
+    average_speeds,
+    average_steady,
+    follow_ramp,
+    mean_of,
+)
+from rattle.compare.ramp.plan import RAMP_BURN_IN, RunUpPlan, plan_work
+from rattle.compare.ramp.result import POWERS, QUANTITIES, RunUp
+from rattle.compare.ramp.speed import SpeedRamp, read_ramp
+from rattle.compare.stationary.measure import stationary
+from rattle.compare.stationary.result import Stationary
+from rattle.montecarlo.kernel.blocks import Budget
+from rattle.montecarlo.long_run import BurnInError
+from rattle.montecarlo.long_run.estimates import groups, most_unseen
+from rattle.montecarlo.long_run.paths import warm_up
+from rattle.montecarlo.long_run.ramp import RampPaths
+from rattle.montecarlo.looks import BUDGET_ENDED, begin_budget
+from rattle.montecarlo.seed import Rng, child_seed, read_seed
+from rattle.montecarlo.statistics.intervals import Spread, half_width, spread, tail_of
+from rattle.scene import Floats, InputError, Scene, compile_ahead, count, positive
+from rattle.scene.numpy_errors import numpy_defaults
+from rattle.scene.progress import ESTIMATES, ProgressBar, do
+
+RUN_UP_BUDGET = 60.0  # core-seconds
+FEWEST_IN_A_POINT = 4  # periods of the ramp for each speed, to say anything there
+COARSER = 2  # periods of the stretches of the coarser copy, which shows the error of the stretches
+LEAST_BUDGET = 1.0  # core-seconds that a constant speed may take once it is begun
+AGAINST = "ramp against constant speeds"
+HALVED = "stretches of one period against two"
+
+
+class SteadyRun(NamedTuple):
+    """What was found at a constant speed."""
+
+    rpm: float
+    found: Stationary | None
+    remark: str = ""  # why there is nothing
+
+
+@numpy_defaults
+def run_up(
+    scene: Scene,
+    *,
+    rpm: tuple[float, float] = (600.0, 3000.0),
+    seconds: float = 10.0,
+    points: int = 12,
+    slow: float = 0.1,
+    budget: float = RUN_UP_BUDGET,
+    rng: Rng = 0,
+    workers: int = 1,
+    progress: str | None = None,
+) -> RunUp:
+    """Rattle while the driver's mean speed changes slowly.
+
+    Impacts a second, power and speeds over the mean speed, with intervals: at constant speeds, and
+    in the ramp itself, whose difference is stated.  The excitation keeps its order: its frequency
+    is as many times the mean speed as in the file.  Its amplitude, torques and backlashes stay as
+    they were typed, a table of drag is read at each speed, and `sigma` stays as it is.  The ramp
+    also accelerates the mean rotation of the wheels, which adds to their drag.
+
+    Parameters
+    ----------
+    scene : Scene
+        Gears with a mean speed.
+    rpm : pair of float
+        Mean speed of the driver at the beginning and the end, 1/min; the second may be lower.
+    seconds : float
+        Duration of the ramp.
+    points : int
+        Speeds, evenly spaced from the first to the last.
+    slow : float
+        Speed below which an impact is slow, dimensionless at the file's speed; at all others it is
+        the same in mm/s.
+    budget : float
+        Seconds of processor time, all threads together; compiling is not counted.  What does not
+        fit is left out, and named.
+    rng : int, SeedSequence, Generator or BitGenerator
+        Seed.
+    workers : int
+        Threads; the result does not depend on it.
+    progress : str, optional
+        Label of a progress bar on a terminal or in a notebook; with it the expected time is logged
+        first.
+
+    Returns
+    -------
+    RunUp
+
+    Raises
+    ------
+    InputError
+        For a scene without gears or without a speed, a speed that a table of drag does not have, or
+        a ramp that is too short.
+
+    Examples
+    --------
+    >>> from rattle import Gears
+    >>> wheel = {"inertia1": 950.0, "radius1": 38.0, "backlash1": 0.12, "torque1": 40.0}
+    >>> speed = {"speed_rpm": 800.0, "driver_radius": 32.0, "omega": 167.6}
+    >>> gears = Gears.driven(amplitude=0.2, epsilon=0.9, **speed, **wheel)
+    >>> scene = Scene.from_gears(gears, sigma=0.1, stages=1)
+    >>> found = run_up(scene, rpm=(800.0, 1600.0), seconds=2.0, points=2, budget=5.0)
+    >>> list(found.points["rpm"])
+    [800.0, 1600.0]
+    """
+    ramp = read_ramp(scene, rpm, seconds)
+    count("points", points, least=2)
+    count("workers", workers)
+    positive("slow", slow)
+    given = read_seed(rng)
+    seed = np.random.SeedSequence(given) if isinstance(given, int) else given
+    if ramp.periods < FEWEST_IN_A_POINT * points:
+        why = f"is too short: {ramp.periods} periods of the excitation for {points} speeds"
+        raise InputError("seconds", seconds, f"{why}; give more of them, or fewer points")
+    ramp.stretches(slow, COARSER)  # a speed that the gears cannot have is refused before any work
+    compile_ahead.expect("stationary", len(scene.drive))
+    limit = begin_budget(budget)
+    do("run-up: compiling")
+    with limit.pause():
+        warm_up(scene, slow)
+    speeds = np.linspace(ramp.first, ramp.last, points).tolist()
+    do("run-up: counting impacts at every speed")
+    plan = plan_work(ramp, speeds, slow, budget, seed)
+    if progress:
+        ESTIMATES.info("%s: %s", progress, plan.sentence)
+    runs = _run_steady(ramp, slow, plan, limit, seed, workers, progress)
+    known = sorted((run for run in runs if run.found is not None), key=lambda run: run.rpm)
+    pair = None
+    if plan.ramp_paths and len(known) > 1:
+        pair = _follow_twice(ramp, known, slow, plan, seed, workers, progress)
+    left_out = [SteadyRun(rpm, None, "left out: beyond the budget") for rpm in plan.left_out]
+    table = _tabulate(known, pair[0] if pair else None, scene.stages)
+    return RunUp(
+        scene=scene,
+        first=ramp.first,
+        last=ramp.last,
+        seconds=ramp.seconds,
+        slow=slow,
+        table=table,
+        points=_tabulate_points(ramp, [*runs, *left_out]),
+        thresholds=_find_thresholds(ramp, sorted(speeds)),
+        overall=_compare_overall(table, *pair) if pair else pd.DataFrame(),
+        added_torque=tuple(ramp.added_torque(wheel) for wheel in range(1, scene.stages + 1)),
+        ramp_paths=plan.ramp_paths if pair else 0,
+        ramp_periods=ramp.periods,
+        complete=plan.complete if plan.left_out or not pair else 0.0,
+    )
+
+
+def _run_steady(
+    ramp: SpeedRamp,
+    slow: float,
+    plan: RunUpPlan,
+    limit: Budget,
+    seed: np.random.SeedSequence,
+    workers: int,
+    progress: str | None,
+) -> list[SteadyRun]:
+    """The long run at every constant speed of the plan."""
+    runs: list[SteadyRun] = []
+    number = len(plan.speeds)
+    with ProgressBar(label=progress, unit=" speeds", total=number) as bar:
+        for done, rpm in enumerate(plan.speeds):
+            do(f"run-up: {rpm:.4g} 1/min")
+            left = limit.remaining - plan.ramp_seconds
+            if left < 0.0 and runs:
+                runs.append(SteadyRun(rpm, None, BUDGET_ENDED))
+                continue
+            try:
+                found = stationary(
+                    ramp.scene_at(rpm),
+                    periods=plan.periods,
+                    paths=plan.paths,
+                    slow=ramp.slow_at(slow, rpm),
+                    budget=max(left / (number - done), LEAST_BUDGET),
+                    closures=(),
+                    rng=child_seed(seed, round(rpm)),
+                    workers=workers,
+                )
+                runs.append(SteadyRun(rpm, found))
+            except InputError as error:
+                why = BUDGET_ENDED if error.field == "budget" else str(error)
+                if isinstance(error, BurnInError):
+                    why = f"no stationary motion within {error.value} periods of burn-in"
+                runs.append(SteadyRun(rpm, None, why))
+            bar.update()
+    return runs
+
+
+def _follow_twice(
+    ramp: SpeedRamp,
+    known: list[SteadyRun],
+    slow: float,
+    plan: RunUpPlan,
+    seed: np.random.SeedSequence,
+    workers: int,
+    progress: str | None,
+) -> tuple[RampSums, RampSums]:
+    """The ramp in stretches of one period and of `COARSER`, with the same random numbers."""
+    do("run-up: the ramp")
+    knots = [run.rpm for run in known]
+    scenes = [run.found.scene for run in known if run.found is not None]
+    total = 2 * (ramp.periods + RAMP_BURN_IN)
+    with (
+        ThreadPoolExecutor(workers) as pool,
+        ProgressBar(label=progress, unit=" periods", total=total) as bar,
+    ):
+        fine, coarse = (
+            follow_ramp(
+                ramp,
+                knots,
+                slow,
+                stretch,
+                RampPaths(scenes, plan.ramp_paths, child_seed(seed, len(known), 1)),
+                RAMP_BURN_IN,
+                pool,
+                bar,
+            )
+            for stretch in (1, COARSER)
+        )
+    return fine, coarse
+
+
+def _tabulate(known: list[SteadyRun], sums: RampSums | None, stages: int) -> pd.DataFrame:
+    """Every quantity at every speed: constant, in the ramp, and the difference."""
+    steady = {run.rpm: run.found.table_in("physical") for run in known if run.found is not None}
+    parts = []
+    for (group, suffix), kind in product(groups(stages), QUANTITIES):
+        name = kind + suffix
+        wanted = ["value", "se", "low", "high", "effective_paths", "unit"]
+        rows = [table.reindex([name])[wanted] for table in steady.values()]
+        part = pd.concat(rows, ignore_index=True)
+        part.insert(0, "rpm", list(steady))
+        part.insert(1, "quantity", name)
+        part["unit"] = part["unit"].ffill().bfill()
+        if sums is not None:
+            part = part.assign(**_compare(part, steady, sums, kind, group, suffix))
+        parts.append(part)
+    table = pd.concat(parts, ignore_index=True)
+    if sums is None:
+        return table.drop(columns="effective_paths")
+    # what is said of all rows together
+    tested = max(int(table["se_difference"].gt(0.0).sum()), 1)
+    widths = half_width(table["effective_paths"].fillna(2.0), tail_of(tested))
+    bound = widths * table["se_difference"] + table["allowance"]
+    table["differs"] = table["difference"].abs() > bound
+    return table.drop(columns="effective_paths")
+
+
+def _compare(
+    part: pd.DataFrame,
+    steady: dict[float, pd.DataFrame],
+    sums: RampSums,
+    kind: str,
+    group: int,
+    suffix: str,
+) -> dict[str, Any]:
+    """Columns of a quantity in the ramp, and of its difference from constant speeds."""
+
+    def column(name: str, statistic: str) -> Floats:
+        values = [table[statistic].get(name, np.nan) for table in steady.values()]
+        return np.asarray(np.nan_to_num(np.array(values, dtype=float)))
+
+    name = kind + suffix
+    own = column(name, "value"), column(name, "se")
+    if kind == "speed_above":
+        spreads = sums.mean_speeds(group)
+        rate = f"rate_above{suffix}"
+        rates = column(rate, "value"), column(rate, "se")
+        middle, error, allowance = average_speeds(sums, rates, own)
+    else:
+        spreads = sums.per_time(QUANTITIES[kind], group)
+        middle, error, allowance = average_steady(sums, POWERS[kind], own)
+    value, se, paths = np.array([list(one) for one in spreads]).T
+    low, high = np.array([one.interval() for one in spreads]).T
+    if kind != "speed_above":
+        low = np.maximum(low, 0.0)
+    if kind == "rate_above":
+        unseen = [most_unseen(time * sums.counted.shape[1]) for time in sums.time]
+        high = np.where(value == 0.0, unseen, high)
+    effective = np.fmin(paths, part["effective_paths"].to_numpy())
+    apart = np.hypot(se, error)
+    half = half_width(np.nan_to_num(effective, nan=2.0)) * apart + allowance
+    difference = value - middle
+    return {
+        "effective_paths": effective,
+        "ramp_rpm": sums.weights @ sums.rpm,
+        "ramp": value,
+        "se_ramp": se,
+        "ramp_low": low,
+        "ramp_high": high,
+        "difference": difference,
+        "se_difference": apart,
+        "allowance": allowance,
+        "difference_low": difference - half,
+        "difference_high": difference + half,
+    }
+
+
+def _compare_overall(table: pd.DataFrame, fine: RampSums, coarse: RampSums) -> pd.DataFrame:
+    """Over the whole ramp: its share more or less than constant speeds, and what halving the
+    stretches changes."""
+    rows = []
+    for name, kind in QUANTITIES.items():
+        if name == "speed_above":
+            continue
+        whole = fine.counted[:, :, 0, kind].sum(axis=0)
+        other = coarse.counted[:, :, 0, kind].sum(axis=0)
+        if not whole.sum() > 0.0:
+            continue
+        seconds = float(fine.time.sum())
+        row = table[table["quantity"] == name]
+        share = fine.time / seconds
+        weight = share @ fine.average(POWERS[name])
+        curved = share @ fine.average(POWERS[name], curved=True)
+        values = row["value"].fillna(0.0).to_numpy()
+        steady = float(weight @ values)
+        allowance = abs(float(curved @ values) - steady)
+        error = float(np.sqrt(weight**2 @ row["se"].fillna(0.0) ** 2))
+        ramp = spread(whole / seconds)
+        if steady > 0.0:
+            against = Spread(
+                ramp.value / steady - 1.0,
+                float(np.hypot(ramp.se, ramp.value / steady * error)) / steady,
+                ramp.effective_paths,
+            )
+            change, se, low, high = _with_interval(against)
+            known = allowance / steady
+            rows.append((AGAINST, name, change, se, low - known, high + known))
+        halved = mean_of(whole - other, whole)
+        rows.append((HALVED, name, *_with_interval(halved)))
+    return pd.DataFrame(rows, columns=["what", "quantity", "change", "se", "low", "high"])
+
+
+def _with_interval(of: Spread) -> tuple[float, float, float, float]:
+    """A value with its standard error and 95 % interval."""
+    return of.value, of.se, *of.interval()
+
+
+def _tabulate_points(ramp: SpeedRamp, runs: list[SteadyRun]) -> pd.DataFrame:
+    """Every speed: excitation, drag and threshold of each wheel, and what was run there."""
+    rows = []
+    for run in sorted(runs, key=lambda run: run.rpm):
+        row: dict[str, Any] = {"rpm": run.rpm, "omega": float(ramp.omega_at(np.array(run.rpm)))}
+        for wheel in ramp.thresholds_at(run.rpm, ramp=False):
+            row[f"drag{wheel.wheel}"] = wheel.drag
+            row[f"threshold{wheel.wheel}"] = wheel.least
+        long_run = run.found.run if run.found else None
+        row["kind"] = run.found.kind if run.found else ""
+        row["paths"] = long_run.paths if long_run else 0
+        row["periods"] = long_run.periods if long_run else 0
+        row["burn_in"] = long_run.burn_in.periods if long_run else 0
+        rows.append(row | {"remark": run.remark})
+    return pd.DataFrame(rows)
+
+
+def _find_thresholds(ramp: SpeedRamp, speeds: list[float]) -> pd.DataFrame:
+    """Where closed teeth of each wheel begin to open over the speed; without a speed: nowhere, and
+    whether they open everywhere."""
+    rows: list[tuple[str, int, float, bool]] = []
+    for motion, wheel in product(("constant speed", "ramp"), range(1, ramp.scene.stages + 1)):
+        in_ramp = motion == "ramp"
+        crossings = ramp.openings(wheel, speeds, in_ramp)
+        if not crossings:
+            opens = ramp.thresholds_at(speeds[0], in_ramp)[wheel - 1].opens
+            crossings = [(np.nan, opens)]
+        rows += [(motion, wheel, rpm, opens) for rpm, opens in crossings]
+    return pd.DataFrame(rows, columns=["motion", "wheel", "rpm", "opens"])

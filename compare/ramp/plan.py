@@ -1,0 +1,114 @@
+"""What a run-up computes within its budget, decided by counted work: impacts at a nominal time.
+
+So a result does not depend on the machine; the clock only ends what a plan has underestimated.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from rattle.compare.ramp.speed import SpeedRamp
+from rattle.montecarlo.long_run.paths import IMPACT_SECONDS
+from rattle.montecarlo.long_run.sums import NUMBER, new_sums, no_scales
+from rattle.montecarlo.long_run.walk import Walk
+from rattle.scene import Scene, duration_text
+
+RAMP_SHARE = 0.45  # of the budget, for the ramp and its coarser copy
+PERIOD_SECONDS = 1e-5
+"""Nominal processor time of a period of a path without impacts."""
+PILOT_PATHS = 4
+PILOT_PERIODS = 2  # in which impacts are counted
+PILOT_SETTLING = 8  # periods before, a multiple of these: chatter builds up in a few
+FEWEST_PATHS = 16  # of a constant speed
+FEWEST_RAMP_PATHS = 8
+MOST_RUN_UP_PATHS = 128
+SETTLING = 64  # periods of burn-in and pilot run of a constant speed, at the least
+STEADY_PERIODS = (64, 512)  # fewest and most periods of a constant speed
+RAMP_BURN_IN = 64  # periods at the first speed before the ramp begins
+RAMP_COPIES = 2  # the ramp, and the same in stretches of twice the length
+
+
+class RunUpPlan(NamedTuple):
+    """What is computed."""
+
+    speeds: list[float]  # constant speeds, 1/min, the cheapest first
+    left_out: list[float]
+    paths: int  # of a constant speed
+    periods: int
+    ramp_paths: int  # 0 where the ramp is left out
+    ramp_seconds: float  # nominal processor time of the ramp and its coarser copy
+    seconds: float  # nominal processor time of all that is computed
+    complete: float  # budget from which on nothing is left out
+
+    @property
+    def sentence(self) -> str:
+        """What is computed and about how long it takes, as text."""
+        ramp = f"then the ramp with {self.ramp_paths}" if self.ramp_paths else "no ramp"
+        return (
+            f"{len(self.speeds)} constant speeds with {self.paths} paths, {ramp}; about"
+            f" {duration_text(self.seconds, 2)} of processor time"
+        )
+
+
+def count_period(scene: Scene, slow: float, seed: np.random.SeedSequence) -> float:
+    """Nominal processor time of a period of a path."""
+    walk = Walk(scene, seed, 0, PILOT_PATHS)
+    sums = new_sums(PILOT_PATHS, 1 + PILOT_SETTLING // PILOT_PERIODS, no_scales(slow), False)
+    walk.follow(sums, PILOT_SETTLING + PILOT_PERIODS, PILOT_PERIODS)
+    impacts = float(sums.main[:, -1, NUMBER].sum()) / (PILOT_PATHS * PILOT_PERIODS)
+    return PERIOD_SECONDS + IMPACT_SECONDS * impacts
+
+
+def coarse_to_fine(number: int) -> list[int]:
+    """The places in a list in an order in which every beginning is spread over the whole."""
+    order = [0, number - 1]
+    gaps = [(0, number - 1)]
+    for low, high in gaps:
+        middle = (low + high) // 2
+        if middle > low:
+            order.append(middle)
+            gaps += [(low, middle), (middle, high)]
+    return order
+
+
+def plan_work(
+    ramp: SpeedRamp, speeds: list[float], slow: float, budget: float, seed: np.random.SeedSequence
+) -> RunUpPlan:
+    """Share a budget among constant speeds and the ramp; of both the least comes first."""
+    scenes = [ramp.scene_at(rpm) for rpm in speeds]
+    cost = np.array(
+        [
+            count_period(scene, ramp.slow_at(slow, rpm), seed)
+            for rpm, scene in zip(speeds, scenes, strict=True)
+        ]
+    )
+    ascending = np.argsort(speeds)
+    passed = ramp.rpm_at(np.arange(0.5, ramp.periods))
+    of_ramp = np.interp(passed, np.array(speeds)[ascending], cost[ascending])
+    ramp_cost = RAMP_COPIES * float(of_ramp.sum() + RAMP_BURN_IN * cost[0])  # of a path
+    ramp_paths = min(int(RAMP_SHARE * budget / ramp_cost), MOST_RUN_UP_PATHS)
+    if ramp_paths < FEWEST_RAMP_PATHS:
+        ramp_paths = 0
+    rest = budget - ramp_paths * ramp_cost
+    least = FEWEST_PATHS * (SETTLING + STEADY_PERIODS[0]) * cost
+    order = coarse_to_fine(len(speeds))
+    fitting = int((np.cumsum(least[order]) <= rest).sum())
+    chosen = order[: max(fitting, 1)]
+    whole = float(cost[chosen].sum())
+    fewest = (SETTLING + STEADY_PERIODS[0]) * whole
+    paths = int(np.clip(rest / fewest, FEWEST_PATHS, MOST_RUN_UP_PATHS))
+    periods = int(np.clip(rest / (paths * whole) - SETTLING, *STEADY_PERIODS))
+    ramp_seconds = ramp_paths * ramp_cost
+    return RunUpPlan(
+        speeds=[speeds[i] for i in sorted(chosen, key=lambda i: cost[i])],
+        left_out=[rpm for i, rpm in enumerate(speeds) if i not in chosen],
+        paths=paths,
+        periods=periods,
+        ramp_paths=ramp_paths,
+        ramp_seconds=ramp_seconds,
+        seconds=ramp_seconds + paths * (SETTLING + periods) * whole,
+        complete=max(
+            FEWEST_RAMP_PATHS * ramp_cost / RAMP_SHARE,
+            float(least.sum()) / (1.0 - RAMP_SHARE),
+        ),
+    )

@@ -1,0 +1,173 @@
+"""The speed of a run-up: the scene at each speed, and the motion while the speed changes.
+
+docs/guide/run-up.md derives what a change of speed does to the dimensionless motion.
+"""
+
+import math
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from rattle.montecarlo.long_run.ramp import RampStretch
+from rattle.scene import Constants, Floats, InputError, Scene, check_scene, positive
+from rattle.scene.gears import KG_MM_PER_S2_PER_N, SPEEDS, Gears
+from rattle.scene.threshold import RattleThreshold, rattle_threshold
+
+HALVINGS = 40  # of the interval in which a threshold lies
+TURN = 2.0 * math.pi
+
+
+@dataclass(frozen=True)
+class SpeedRamp:
+    """A driver whose mean speed goes from one value to another at a constant rate; 1/min, s."""
+
+    scene: Scene  # at the speed of its file
+    first: float
+    last: float
+    seconds: float
+
+    @cached_property
+    def gears(self) -> Gears:
+        """The gears at the speed of the file."""
+        assert self.scene.gears is not None
+        return self.scene.gears
+
+    @cached_property
+    def file_rpm(self) -> float:
+        """The speed at which the file's `omega` holds."""
+        ((name, speed),) = ((n, self.gears.values[n]) for n in SPEEDS if n in self.gears.values)
+        return float(speed) * (SPEEDS[name] / SPEEDS["speed_rpm"])
+
+    @cached_property
+    def rates(self) -> tuple[float, float, float]:
+        """Excitation frequency at the start and the end, rad/s, and its rate of change, rad/s^2."""
+        ratio = self.gears.omega / self.file_rpm
+        first = ratio * self.first
+        last = ratio * self.last
+        return first, last, (last - first) / self.seconds
+
+    @property
+    def periods(self) -> int:
+        """Whole periods of the excitation in the ramp."""
+        first, last, _ = self.rates
+        return int(0.5 * (first + last) * self.seconds / TURN)
+
+    def rpm_at(self, periods: Floats) -> Floats:
+        """The speed after so many periods: its square changes linearly with the phase."""
+        first, _, rate = self.rates
+        omega = np.sqrt(first**2 + 2.0 * rate * TURN * periods)
+        return np.asarray(omega * (self.first / first))
+
+    def omega_at(self, rpm: Floats) -> Floats:
+        """The excitation frequency at a speed, rad/s."""
+        return np.asarray(self.gears.omega / self.file_rpm * rpm)
+
+    def scene_at(self, rpm: float) -> Scene:
+        """The scene at a constant speed: all else as typed, the order of the excitation too."""
+        name = next(n for n in SPEEDS if n in self.gears.values)
+        speed = rpm * (SPEEDS["speed_rpm"] / SPEEDS[name])
+        omega = float(self.omega_at(np.array(rpm)))
+        return self.scene.with_gears(**{name: speed, "omega": omega})
+
+    @cached_property
+    def rim_acceleration(self) -> float:
+        """Acceleration of all pitch circles in the ramp, mm/s^2."""
+        rad_s2 = SPEEDS["speed_rpm"] * (self.last - self.first) / self.seconds
+        return float(self.gears.values["driver_radius"]) * rad_s2
+
+    def added_gamma(self, gears: Gears) -> float:
+        """What the acceleration of the mean rotation adds to the drag of every wheel."""
+        return self.rim_acceleration / (gears.backlash1 * gears.omega**2)
+
+    def added_torque(self, wheel: int) -> float:
+        """The same as a torque on a wheel, N mm, at any speed."""
+        inertia = float(getattr(self.gears, f"inertia{wheel}"))
+        radius = float(getattr(self.gears, f"radius{wheel}"))
+        return inertia * self.rim_acceleration / radius / KG_MM_PER_S2_PER_N
+
+    def constants_at(self, rpm: float) -> Constants:
+        """The constants of the motion in the ramp while it passes a speed."""
+        scene = self.scene_at(rpm)
+        assert scene.gears is not None
+        c = scene.constants
+        rate = self.rates[2]
+        damping = rate / scene.gears.omega**2
+        drag = self.added_gamma(scene.gears)
+        changed: dict[str, Any] = {"beta1": c.beta1 + damping, "gamma1": c.gamma1 + drag}
+        if c.stages == 2:
+            changed |= {"beta2": c.beta2 + damping, "gamma2": c.gamma2 + drag}
+        for name in ("gamma1", "gamma2"):
+            if changed.get(name, 0.0) < 0.0:
+                why = (
+                    f"is too short: at {rpm:.4g} 1/min wheel {name[-1]} would be slowed down by"
+                    " more than its drag does, and overtake the driver; give more"
+                )
+                raise InputError("seconds", self.seconds, why)
+        return c._replace(**changed)
+
+    def stretches(self, slow: float, periods: int) -> tuple[list[RampStretch], Floats]:
+        """The ramp in stretches of so many periods, each at the speed in its middle, and these."""
+        number = self.periods // periods
+        rpm = self.rpm_at(periods * np.arange(0.5, number))
+        parts = [
+            RampStretch(self.constants_at(speed), self.slow_at(slow, speed), periods)
+            for speed in rpm.tolist()
+        ]
+        return parts, rpm
+
+    def slow_at(self, slow: float, rpm: float) -> float:
+        """A dimensionless speed of the file's scene at another speed: the same in mm/s."""
+        return slow * self.file_rpm / rpm
+
+    def thresholds_at(self, rpm: float, ramp: bool) -> tuple[RattleThreshold, ...]:
+        """The threshold of rattle of each wheel at a speed, at rest or in the ramp."""
+        scene = self.scene_at(rpm)
+        if not ramp:
+            return rattle_threshold(scene)
+        c = self.constants_at(rpm)
+        return rattle_threshold(replace(scene, gamma1=c.gamma1, gamma2=c.gamma2))
+
+    def openings(self, wheel: int, speeds: list[float], ramp: bool) -> list[tuple[float, bool]]:
+        """Where closed teeth of a wheel begin to open, or cease to: the speed, and whether they
+        open at higher ones."""
+
+        def opens(rpm: float) -> bool:
+            return self.thresholds_at(rpm, ramp)[wheel - 1].opens
+
+        known = [(rpm, opens(rpm)) for rpm in speeds]
+        crossings = []
+        for (low, before), (high, after) in pairwise(known):
+            if before == after:
+                continue
+            for _ in range(HALVINGS):
+                middle = 0.5 * (low + high)
+                if opens(middle) == before:
+                    low = middle
+                else:
+                    high = middle
+            crossings.append((0.5 * (low + high), after))
+        return crossings
+
+
+def read_ramp(scene: Scene, rpm: tuple[float, float], seconds: float) -> SpeedRamp:
+    """A ramp of a scene, checked."""
+    check_scene(scene)
+    gears = scene.gears
+    if gears is None:
+        why = "a run-up needs gears: inertia, radius and drag of the wheels, and the driver's speed"
+        raise InputError("scene", "without gears", why)
+    names = [name for name in SPEEDS if name in gears.values]
+    if not names:
+        why = "give the driver's mean speed at which omega holds, and driver_radius"
+        raise InputError("gears.speed_rpm", None, why)
+    positive(f"gears.{names[0]}", gears.values[names[0]])
+    first, last = (float(positive("rpm", value)) for value in rpm)
+    if first == last:
+        raise InputError("rpm", rpm, "give two different speeds")
+    ramp = SpeedRamp(scene, first, last, float(positive("seconds", seconds)))
+    for speed in (first, last):  # what cannot be there is refused before any work
+        ramp.constants_at(speed)
+    return ramp

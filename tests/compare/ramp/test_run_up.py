@@ -1,0 +1,149 @@
+"""The run-up: the ramp's equations against the physical ones, a slow ramp against constant speeds,
+and what is refused."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from commands import rattle
+from scipy.integrate import solve_ivp
+
+from rattle import DAT21, Gears, InputError, Scene
+from rattle.compare import run_up
+from rattle.compare.ramp.speed import SpeedRamp, read_ramp
+from rattle.scene.flight import flow
+
+GEARS = Gears.driven(
+    amplitude=0.2,
+    epsilon=0.9,
+    omega=300.0,
+    speed_rpm=1500.0,
+    driver_radius=35.0,
+    inertia1=950.0,
+    radius1=38.0,
+    backlash1=0.12,
+    damping1=0.3,
+    torque1_over_rpm=((500.0, 40.0), (1500.0, 60.0), (4000.0, 90.0)),
+)
+SCENE = Scene.from_gears(GEARS, sigma=0.5, stages=1)
+SWEPT = {"rpm": (1500.0, 2500.0), "points": 3, "budget": 2.0, "rng": 7}
+
+
+def fly_physically(ramp: SpeedRamp, periods: int, y1: float) -> tuple[float, float]:
+    """Displacement (mm) and velocity (mm/s) of driver and wheel 1 after so many periods without
+    impacts, in physical time with the mean rotation accelerated."""
+    g = ramp.gears
+    first, _, rate = ramp.rates
+    order = g.omega / ramp.file_rpm
+    rim = 35.0 * 2.0 * math.pi / 60.0 * (ramp.last - ramp.first) / ramp.seconds
+    amplitude = 0.2
+    end = (math.sqrt(first**2 + 4.0 * math.pi * rate * periods) - first) / rate
+
+    def acceleration(t, state):
+        rpm = (first + rate * t) / order
+        drag = np.interp(rpm, *zip(*g.values["torque1_over_rpm"], strict=True))
+        wheel_speed = rpm * 2.0 * math.pi / 60.0 * 35.0 / 38.0
+        torque = 1000.0 * (drag + 0.3 * wheel_speed)  # kg mm^2 / s^2
+        relative = -torque * 38.0 / 950.0 - 1000.0 * 0.3 / 950.0 * state[1] - rim
+        return [state[1], relative]
+
+    wheel = amplitude * first - y1 * 0.12 * first  # the wheel's speed, of oscillation
+    settings = {"rtol": 1e-11, "atol": 1e-13}
+    moved = solve_ivp(acceleration, (0.0, end), [0.0, wheel], **settings).y[:, -1]
+    omega = first + rate * end
+    return -moved[0], amplitude * omega - moved[1]
+
+
+def fly_in_stretches(ramp: SpeedRamp, periods: int, stretch: int, y1: float) -> tuple[float, float]:
+    """The same by the dimensionless motion with the constants of the ramp."""
+    x = 0.0
+    y = y1
+    for part in ramp.stretches(0.1, stretch)[0][: periods // stretch]:
+        x, y, _, _ = flow(part.constants, 0.0, x, y, 0.0, 0.0, 2.0 * math.pi * stretch)
+    omega = float(ramp.rates[0]) * float(ramp.rpm_at(np.array(periods)) / ramp.first)
+    return 0.12 * x, 0.12 * omega * y
+
+
+@pytest.mark.parametrize("rpm", [(1500.0, 2500.0), (2500.0, 1500.0)])
+def test_the_ramp_is_the_physical_motion_but_for_its_stretches(rpm):
+    """Second order in the stretch; without the acceleration of the mean rotation, or with the
+    frequency of the start, it is another motion."""
+    ramp = read_ramp(SCENE, rpm, 8.0)
+    exact = np.array(fly_physically(ramp, 8, 0.3))
+    errors = [np.abs(fly_in_stretches(ramp, 8, n, 0.3) - exact) / np.abs(exact) for n in (1, 2, 4)]
+    assert (errors[0] < 1e-3).all()
+    for fine, coarse in ((errors[0], errors[1]), (errors[1], errors[2])):
+        assert coarse / fine == pytest.approx(4.0, rel=0.1)
+    for name in ("rim_acceleration", "rates"):
+        wrong = read_ramp(SCENE, rpm, 8.0)
+        speeds = {n: getattr(wrong, n) for n in ("rim_acceleration", "rates")}
+        planted = {"rim_acceleration": 0.0, "rates": (*wrong.rates[:2], 0.0)}
+        vars(wrong).update(speeds | {name: planted[name]})
+        off = np.abs(fly_in_stretches(wrong, 8, 1, 0.3) - exact) / np.abs(exact)
+        assert off.max() > 20.0 * errors[0].max()
+
+
+def test_a_slow_ramp_is_as_constant_speeds_and_a_fast_one_is_not():
+    """Within 4 standard errors and the allowance, of nine rows; both are sharp to 2 %."""
+    slow = run_up(SCENE, seconds=40.0, **SWEPT)
+    rows = slow.table
+    within = 4.0 * rows["se_difference"] + rows["allowance"]
+    assert (rows["difference"].abs() < within).all()
+    assert not rows["differs"].any()
+    power = rows[rows["quantity"] != "speed_above"]
+    assert (within[power.index] < 0.05 * power["value"]).all()
+    assert abs(slow.overall["change"]).max() < 0.02
+    fast = run_up(SCENE, seconds=2.0, **SWEPT)
+    assert fast.table["differs"].any()
+    assert fast.added_torque[0] == pytest.approx(20.0 * slow.added_torque[0])
+    assert "differ (95 % for all rows together)" in repr(fast)
+
+
+def test_its_thresholds_are_those_of_the_speed_and_it_says_where_it_begins():
+    quiet = Scene.from_gears(Gears.driven(**GEARS.values | {"amplitude": 0.1}), stages=1)
+    ramp = read_ramp(quiet, (600.0, 2500.0), 10.0)
+    ((rpm, above),) = ramp.openings(1, [600.0, 1500.0, 2500.0], ramp=False)
+    assert above
+    below, beyond = (ramp.thresholds_at(rpm * factor, ramp=False)[0] for factor in (0.999, 1.001))
+    assert (below.opens, beyond.opens) == (False, True)
+    ((in_ramp, _),) = ramp.openings(1, [600.0, 1500.0, 2500.0], ramp=True)
+    assert in_ramp > rpm  # it adds to the drag
+
+
+@pytest.mark.parametrize(
+    ("scene", "changed", "words"),
+    [
+        (
+            Scene(alpha=1.0, epsilon=0.9, beta1=0.0, gamma1=0.1, stages=1),
+            {},
+            "a run-up needs gears",
+        ),
+        (Scene.from_gears(DAT21), {}, "gears.speed_rpm = None: give the driver's mean speed"),
+        (SCENE, {"rpm": (400.0, 2000.0)}, "the table ends at 500 and 4000 1/min"),
+        (SCENE, {"rpm": (900.0, 900.0)}, "give two different speeds"),
+        (SCENE, {"seconds": 0.05}, "is too short: 3 periods of the excitation for 3 speeds"),
+        (SCENE, {"rpm": (2500.0, 1500.0), "seconds": 0.5}, "wheel 1 would be slowed down by more"),
+        (SCENE, {"budget": -1.0}, "budget = -1.0: must be greater than 0"),
+    ],
+)
+def test_what_cannot_be_ramped_is_refused_in_a_sentence(scene, changed, words):
+    with pytest.raises(InputError) as caught:
+        run_up(scene, **SWEPT | changed)
+    assert words in str(caught.value)
+
+
+def test_the_command_writes_a_page_and_says_where_it_rattles_most(tmp_path):
+    file = tmp_path / "gears.toml"
+    file.write_text(replace(SCENE, start=None).to_toml())
+    out = tmp_path / "out"
+    words = (
+        f"run-up {file} --over speed_rpm=1500:2500:2 --seconds 1 --budget 2 --out {out} --workers 1"
+    )
+    said = rattle(words).output
+    assert "It rattles most at" in said
+    assert "Threshold of rattle" in said
+    assert {"run-up.html", "run-up.md", "run-up.svg", "run-up.csv"} <= {
+        p.name for p in out.iterdir()
+    }
+    assert "threshold 1" in (out / "run-up.md").read_text()
