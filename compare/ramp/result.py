@@ -115,7 +115,7 @@ class RunUp(Finding):
         """
         from rattle.compare.ramp.figures import run_up_figure
 
-        return run_up_figure(self.table, self.thresholds)
+        return run_up_figure(self.table, self.thresholds, self.points["rpm"])
 
 
 def _largest(rows: pd.DataFrame) -> dict[Any, Any]:
