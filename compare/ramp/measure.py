@@ -25,7 +25,7 @@ from rattle.montecarlo.long_run import BurnInError
 from rattle.montecarlo.long_run.estimates import groups, most_unseen
 from rattle.montecarlo.long_run.paths import warm_up
 from rattle.montecarlo.long_run.ramp import RampPaths
-from rattle.montecarlo.looks import BUDGET_ENDED, begin_budget
+from rattle.montecarlo.looks import BUDGET_ENDED
 from rattle.montecarlo.seed import Rng, child_seed, read_seed
 from rattle.montecarlo.statistics.intervals import half_width, tail_of
 from rattle.scene import Floats, InputError, Scene, compile_ahead, count, positive
@@ -35,6 +35,8 @@ from rattle.scene.progress import ESTIMATES, ProgressBar, do
 RUN_UP_BUDGET = 60.0  # core-seconds
 FEWEST_IN_A_POINT = 4  # periods of the ramp for each speed, to say anything there
 COARSER = 2  # periods of the stretches of the coarser copy, which shows the error of the stretches
+CLOCK_SPARE = (0.1, 1.0)
+"""Share of the budget, and seconds, by which the clock may exceed what the counted plan expects."""
 LEAST_BUDGET = 1.0  # core-seconds that a constant speed may take once it is begun
 STEADY_COLUMNS = ("value", "se", "low", "high", "effective_paths")
 AGAINST = "ramp against constant speeds"
@@ -119,6 +121,7 @@ def run_up(
     count("points", points, least=2)
     count("workers", workers)
     positive("slow", slow)
+    positive("budget", budget)
     given = read_seed(rng)
     seed = np.random.SeedSequence(given) if isinstance(given, int) else given
     if ramp.periods < FEWEST_IN_A_POINT * points:
@@ -126,7 +129,7 @@ def run_up(
         raise InputError("seconds", seconds, f"{why}; give more of them, or fewer points")
     ramp.stretches(slow, COARSER)  # a speed that the gears cannot have is refused before any work
     compile_ahead.expect("stationary", len(scene.drive))
-    limit = begin_budget(budget)
+    limit = Budget(budget + CLOCK_SPARE[0] * budget + CLOCK_SPARE[1])
     do("run-up: compiling")
     with limit.pause():
         warm_up(scene, slow)
@@ -156,7 +159,7 @@ def run_up(
         last=ramp.last,
         seconds=ramp.seconds,
         slow=slow,
-        table=table[~whole].drop(columns="effective_paths"),
+        table=table[~whole].drop(columns="effective_paths").reset_index(drop=True),
         points=_tabulate_points(ramp, [*runs, *left_out]),
         thresholds=_find_thresholds(ramp, sorted(speeds)),
         overall=overall,

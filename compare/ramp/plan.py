@@ -13,7 +13,8 @@ from rattle.montecarlo.long_run.sums import NUMBER, new_sums, no_scales
 from rattle.montecarlo.long_run.walk import Walk
 from rattle.scene import Constants, Scene, duration_text
 
-RAMP_SHARE = 0.45  # of the budget, for the ramp and its coarser copy
+PLANNED_SHARE = 0.85  # of the budget: the rest is for the counting itself, figures and tables
+RAMP_SHARE = 0.45  # of what is planned, for the ramp and its coarser copy
 PERIOD_SECONDS = 1e-5
 """Nominal processor time of a period of a path without impacts."""
 PILOT_PATHS = 4
@@ -89,10 +90,11 @@ def plan_work(
     passed = ramp.rpm_at(np.arange(0.5, ramp.periods))
     of_ramp = np.interp(passed, np.array(speeds)[ascending], cost_in_ramp[ascending])
     ramp_cost = RAMP_COPIES * float(of_ramp.sum() + RAMP_BURN_IN * cost[0])  # of a path
-    ramp_paths = min(int(RAMP_SHARE * budget / ramp_cost), MOST_RUN_UP_PATHS)
+    planned = PLANNED_SHARE * budget
+    ramp_paths = min(int(RAMP_SHARE * planned / ramp_cost), MOST_RUN_UP_PATHS)
     if ramp_paths < FEWEST_RAMP_PATHS:
         ramp_paths = 0
-    rest = budget - ramp_paths * ramp_cost
+    rest = planned - ramp_paths * ramp_cost
     least = FEWEST_PATHS * (SETTLING + STEADY_PERIODS[0]) * cost
     order = coarse_to_fine(len(speeds))
     fitting = int((np.cumsum(least[order]) <= rest).sum())
@@ -113,5 +115,6 @@ def plan_work(
         complete=max(
             FEWEST_RAMP_PATHS * ramp_cost / RAMP_SHARE,
             float(least.sum()) / (1.0 - RAMP_SHARE),
-        ),
+        )
+        / PLANNED_SHARE,
     )
