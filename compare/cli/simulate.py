@@ -247,8 +247,8 @@ def stationary(
 
     Each has its error. SCENE is a TOML file, DAT21 if none is given.
 
-    Exit codes: 0 done; 2 bad input, or no stationary motion was reached; 3 the budget ended before
-    the accuracy was reached.
+    Exit codes: 0 done; 2 bad input, or no stationary motion was reached; 3 the accuracy was not
+    reached: the budget ended, or only more gear sets would help.
     """
     from rattle.compare.chaos.sweep import stationary_bifurcation, vary
     from rattle.compare.stationary.verdicts import CLOSURES_JUDGED

@@ -15,6 +15,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from rattle.compare.ramp.speed import TURN, SpeedRamp
+from rattle.montecarlo.kernel.blocks import Budget
 from rattle.montecarlo.long_run.ramp import RampPaths, RampStretch
 from rattle.montecarlo.statistics.intervals import Spread, spread
 from rattle.scene import Floats
@@ -22,13 +23,13 @@ from rattle.scene.progress import ProgressBar
 
 
 class RampSums(NamedTuple):
-    """What the paths did under each hat, in 1, mm/s and mJ."""
+    """What the paths did under each hat, and last in the whole ramp, in 1, mm/s and mJ."""
 
-    counted: Floats  # (speeds, paths, groups, number and speed above and energy)
-    time: Floats  # seconds under each hat; (speeds,)
+    counted: Floats  # (hats, paths, groups, number and speed above and energy)
+    time: Floats  # seconds under each hat; (hats,)
     knots: Floats  # the speeds, 1/min
     rpm: Floats  # of each stretch; (stretches,)
-    weights: Floats  # of each stretch in the mean under each hat; (speeds, stretches)
+    weights: Floats  # of each stretch in the mean under each hat; (hats, stretches)
 
     def per_time(self, kind: int, group: int) -> list[Spread]:
         """Counts (0) or energy (2) a second under each hat."""
@@ -75,19 +76,23 @@ def follow_ramp(
     paths: RampPaths,
     burn_in: int,
     pool: ThreadPoolExecutor,
+    limit: Budget,
     bar: ProgressBar,
-) -> RampSums:
+) -> RampSums | None:
     """Follow paths through the ramp in stretches of so many periods, after a burn-in at its first
-    speed.
+    speed; None where the budget ends on the way.
 
     `knots`: the speeds, in rising order, around which the ramp is averaged.
     """
     stretches, rpm = ramp.stretches(slow, stretch)
     begin = ramp.scene_at(ramp.first).constants
-    before = RampStretch(begin, ramp.slow_at(slow, ramp.first), burn_in)
-    for _ in paths.follow([before], pool):
-        bar.update(burn_in)
+    before = RampStretch(begin, ramp.slow_at(slow, ramp.first), 1)
+    for _ in paths.follow([before] * burn_in, pool):
+        bar.update()
+        if limit.remaining < 0.0:
+            return None
     hats = np.array([np.interp(rpm, knots, one) for one in np.eye(len(knots))])
+    hats = np.vstack([hats, np.ones_like(rpm)])
     seconds = stretch * TURN / ramp.omega_at(rpm)
     units = ramp.gears.units
     faster = rpm / ramp.file_rpm
@@ -97,6 +102,8 @@ def follow_ramp(
     for hat, factor, sums in zip(hats.T, factors, paths.follow(stretches, pool), strict=True):
         counted = counted + hat[:, None, None, None] * (factor * sums)
         bar.update(stretch)
+        if limit.remaining < 0.0:
+            return None
     time = hats @ seconds
     weights = hats * seconds / time[:, None]
     return RampSums(np.asarray(counted), time, np.asarray(knots), rpm, weights)

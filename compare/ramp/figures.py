@@ -16,17 +16,18 @@ LABELS = {
 }
 
 
-def run_up_figure(table: pd.DataFrame, thresholds: pd.DataFrame) -> Figure:
-    """Draw every quantity over the speed, at constant speeds and in the ramp, with intervals."""
+def run_up_figure(table: pd.DataFrame, thresholds: pd.DataFrame, speeds: pd.Series) -> Figure:
+    """Draw every quantity over the speed, at constant speeds and in the ramp, with intervals; a
+    speed without a result interrupts the line."""
     figure, axes = new_figure(7.4, 7.2, len(LABELS), 1)
     constant: Any = {"color": STYLE["monte carlo"]["color"], "fmt": "o-", "ms": 4, "capsize": 2}
     crossings = thresholds.dropna(subset="rpm")
     for ax, name in zip(axes, LABELS, strict=True):
         rows = table[table["quantity"] == name].sort_values("rpm")
-        steady = rows.dropna(subset="value")
+        steady = rows.set_index("rpm").reindex(speeds)
         ends = np.abs(steady[["low", "high"]].to_numpy().T - steady["value"].to_numpy())
         ax.errorbar(
-            steady["rpm"],
+            speeds,
             steady["value"],
             yerr=np.nan_to_num(ends),
             lw=0.9,
@@ -50,6 +51,7 @@ def run_up_figure(table: pd.DataFrame, thresholds: pd.DataFrame) -> Figure:
                 ax.axvline(rpm, color=ACCURATE_COLOUR, ls=style, lw=1.2, label=label)
         ax.set_ylabel(LABELS[name])
         ax.set_ylim(bottom=0.0)
+        ax.set_xlim(0.97 * speeds.min(), 1.03 * speeds.max())
     axes[-1].set_xlabel("mean speed of the driver (1/min)")
     legend_above(figure, axes, 3)
     return figure

@@ -1,5 +1,6 @@
 """The public entry `run_up`: constant speeds, the ramp itself, and the difference of the two."""
 
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from itertools import product
 from typing import Any, NamedTuple
@@ -18,15 +19,15 @@ from rattle.compare.ramp.plan import RAMP_BURN_IN, RunUpPlan, plan_work
 from rattle.compare.ramp.result import POWERS, QUANTITIES, RunUp
 from rattle.compare.ramp.speed import SpeedRamp, read_ramp
 from rattle.compare.stationary.measure import stationary
-from rattle.compare.stationary.result import Stationary
+from rattle.compare.stationary.result import Stationary, unit_of
 from rattle.montecarlo.kernel.blocks import Budget
 from rattle.montecarlo.long_run import BurnInError
 from rattle.montecarlo.long_run.estimates import groups, most_unseen
 from rattle.montecarlo.long_run.paths import warm_up
 from rattle.montecarlo.long_run.ramp import RampPaths
-from rattle.montecarlo.looks import BUDGET_ENDED, begin_budget
+from rattle.montecarlo.looks import BUDGET_ENDED
 from rattle.montecarlo.seed import Rng, child_seed, read_seed
-from rattle.montecarlo.statistics.intervals import Spread, half_width, spread, tail_of
+from rattle.montecarlo.statistics.intervals import half_width, tail_of
 from rattle.scene import Floats, InputError, Scene, compile_ahead, count, positive
 from rattle.scene.numpy_errors import numpy_defaults
 from rattle.scene.progress import ESTIMATES, ProgressBar, do
@@ -34,7 +35,10 @@ from rattle.scene.progress import ESTIMATES, ProgressBar, do
 RUN_UP_BUDGET = 60.0  # core-seconds
 FEWEST_IN_A_POINT = 4  # periods of the ramp for each speed, to say anything there
 COARSER = 2  # periods of the stretches of the coarser copy, which shows the error of the stretches
+CLOCK_SPARE = (0.1, 1.0)
+"""Share of the budget, and seconds, by which the clock may exceed what the counted plan expects."""
 LEAST_BUDGET = 1.0  # core-seconds that a constant speed may take once it is begun
+STEADY_COLUMNS = ("value", "se", "low", "high", "effective_paths")
 AGAINST = "ramp against constant speeds"
 HALVED = "stretches of one period against two"
 
@@ -117,6 +121,7 @@ def run_up(
     count("points", points, least=2)
     count("workers", workers)
     positive("slow", slow)
+    positive("budget", budget)
     given = read_seed(rng)
     seed = np.random.SeedSequence(given) if isinstance(given, int) else given
     if ramp.periods < FEWEST_IN_A_POINT * points:
@@ -124,7 +129,7 @@ def run_up(
         raise InputError("seconds", seconds, f"{why}; give more of them, or fewer points")
     ramp.stretches(slow, COARSER)  # a speed that the gears cannot have is refused before any work
     compile_ahead.expect("stationary", len(scene.drive))
-    limit = begin_budget(budget)
+    limit = Budget(budget + CLOCK_SPARE[0] * budget + CLOCK_SPARE[1])
     do("run-up: compiling")
     with limit.pause():
         warm_up(scene, slow)
@@ -135,25 +140,33 @@ def run_up(
         ESTIMATES.info("%s: %s", progress, plan.sentence)
     runs = _run_steady(ramp, slow, plan, limit, seed, workers, progress)
     known = sorted((run for run in runs if run.found is not None), key=lambda run: run.rpm)
-    pair = None
+    fine = coarse = None
     if plan.ramp_paths and len(known) > 1:
-        pair = _follow_twice(ramp, known, slow, plan, seed, workers, progress)
+        fine, coarse = _follow_twice(ramp, known, slow, plan, limit, seed, workers, progress)
+    table = _tabulate(known, fine, scene)
+    whole = table["rpm"].isna()
+    overall = pd.DataFrame()
+    if fine is not None:
+        table = _judge(table, known, plan.speeds)
+        overall = _compare_overall(table[whole], fine, coarse)
     left_out = [SteadyRun(rpm, None, "left out: beyond the budget") for rpm in plan.left_out]
-    table = _tabulate(known, pair[0] if pair else None, scene.stages)
+    complete = plan.complete if left_out or fine is None else 0.0
+    if limit.remaining < 0.0:  # the plan has expected too little
+        complete = max(plan.complete, 2.0 * budget)
     return RunUp(
         scene=scene,
         first=ramp.first,
         last=ramp.last,
         seconds=ramp.seconds,
         slow=slow,
-        table=table,
+        table=table[~whole].drop(columns="effective_paths").reset_index(drop=True),
         points=_tabulate_points(ramp, [*runs, *left_out]),
         thresholds=_find_thresholds(ramp, sorted(speeds)),
-        overall=_compare_overall(table, *pair) if pair else pd.DataFrame(),
+        overall=overall,
         added_torque=tuple(ramp.added_torque(wheel) for wheel in range(1, scene.stages + 1)),
-        ramp_paths=plan.ramp_paths if pair else 0,
+        ramp_paths=plan.ramp_paths if fine is not None else 0,
         ramp_periods=ramp.periods,
-        complete=plan.complete if plan.left_out or not pair else 0.0,
+        complete=complete,
     )
 
 
@@ -202,59 +215,61 @@ def _follow_twice(
     known: list[SteadyRun],
     slow: float,
     plan: RunUpPlan,
+    limit: Budget,
     seed: np.random.SeedSequence,
     workers: int,
     progress: str | None,
-) -> tuple[RampSums, RampSums]:
+) -> list[RampSums | None]:
     """The ramp in stretches of one period and of `COARSER`, with the same random numbers."""
     do("run-up: the ramp")
     knots = [run.rpm for run in known]
     scenes = [run.found.scene for run in known if run.found is not None]
     total = 2 * (ramp.periods + RAMP_BURN_IN)
+    copies = []
     with (
         ThreadPoolExecutor(workers) as pool,
         ProgressBar(label=progress, unit=" periods", total=total) as bar,
     ):
-        fine, coarse = (
-            follow_ramp(
-                ramp,
-                knots,
-                slow,
-                stretch,
-                RampPaths(scenes, plan.ramp_paths, child_seed(seed, len(known), 1)),
-                RAMP_BURN_IN,
-                pool,
-                bar,
-            )
-            for stretch in (1, COARSER)
-        )
-    return fine, coarse
+        for stretch in (1, COARSER):
+            paths = RampPaths(scenes, plan.ramp_paths, child_seed(seed, len(known), 1))
+            sums = follow_ramp(ramp, knots, slow, stretch, paths, RAMP_BURN_IN, pool, limit, bar)
+            copies.append(sums)
+    return copies
 
 
-def _tabulate(known: list[SteadyRun], sums: RampSums | None, stages: int) -> pd.DataFrame:
-    """Every quantity at every speed: constant, in the ramp, and the difference."""
+def _tabulate(known: list[SteadyRun], sums: RampSums | None, scene: Scene) -> pd.DataFrame:
+    """Every quantity at every speed, and last in the whole ramp: constant, in the ramp, and the
+    difference."""
     steady = {run.rpm: run.found.table_in("physical") for run in known if run.found is not None}
     parts = []
-    for (group, suffix), kind in product(groups(stages), QUANTITIES):
+    for (group, suffix), kind in product(groups(scene.stages), QUANTITIES):
         name = kind + suffix
-        wanted = ["value", "se", "low", "high", "effective_paths", "unit"]
-        rows = [table.reindex([name])[wanted] for table in steady.values()]
-        part = pd.concat(rows, ignore_index=True)
-        part.insert(0, "rpm", list(steady))
+        rows = [table.reindex([name])[list(STEADY_COLUMNS)] for table in steady.values()]
+        whole = pd.DataFrame(np.nan, index=[name], columns=list(STEADY_COLUMNS))
+        part = pd.concat([*rows, whole], ignore_index=True)
+        part.insert(0, "rpm", [*steady, np.nan])
         part.insert(1, "quantity", name)
-        part["unit"] = part["unit"].ffill().bfill()
+        part["unit"] = unit_of(kind, scene.gears, "physical")[0]
         if sums is not None:
             part = part.assign(**_compare(part, steady, sums, kind, group, suffix))
         parts.append(part)
-    table = pd.concat(parts, ignore_index=True)
-    if sums is None:
-        return table.drop(columns="effective_paths")
-    # what is said of all rows together
+    return pd.concat(parts, ignore_index=True)
+
+
+def _judge(table: pd.DataFrame, known: list[SteadyRun], planned: Sequence[float]) -> pd.DataFrame:
+    """Whether ramp and constant speeds differ, with 95 % probability for all rows together; not
+    beside a speed that was planned and has no result, nor then in the whole ramp."""
+    grid = [run.rpm for run in known]
+    missing = np.array([rpm for rpm in planned if rpm not in grid])
+    between = np.searchsorted(grid, missing)
+    beside = {rpm for i in between for rpm in grid[max(i - 1, 0) : i + 1]}
+    unclear = table["rpm"].isin(beside) | (table["rpm"].isna() & bool(len(missing)))
+    columns = table.columns[table.columns.str.contains("difference")]
+    table[columns] = table[columns].mask(unclear)
     tested = max(int(table["se_difference"].gt(0.0).sum()), 1)
     widths = half_width(table["effective_paths"].fillna(2.0), tail_of(tested))
     bound = widths * table["se_difference"] + table["allowance"]
-    table["differs"] = table["difference"].abs() > bound
-    return table.drop(columns="effective_paths")
+    return table.assign(differs=table["difference"].abs() > bound)
 
 
 def _compare(
@@ -307,44 +322,22 @@ def _compare(
     }
 
 
-def _compare_overall(table: pd.DataFrame, fine: RampSums, coarse: RampSums) -> pd.DataFrame:
-    """Over the whole ramp: its share more or less than constant speeds, and what halving the
-    stretches changes."""
-    rows = []
-    for name, kind in QUANTITIES.items():
-        if name == "speed_above":
-            continue
-        whole = fine.counted[:, :, 0, kind].sum(axis=0)
-        other = coarse.counted[:, :, 0, kind].sum(axis=0)
-        if not whole.sum() > 0.0:
-            continue
-        seconds = float(fine.time.sum())
-        row = table[table["quantity"] == name]
-        share = fine.time / seconds
-        weight = share @ fine.average(POWERS[name])
-        curved = share @ fine.average(POWERS[name], curved=True)
-        values = row["value"].fillna(0.0).to_numpy()
-        steady = float(weight @ values)
-        allowance = abs(float(curved @ values) - steady)
-        error = float(np.sqrt(weight**2 @ row["se"].fillna(0.0) ** 2))
-        ramp = spread(whole / seconds)
-        if steady > 0.0:
-            against = Spread(
-                ramp.value / steady - 1.0,
-                float(np.hypot(ramp.se, ramp.value / steady * error)) / steady,
-                ramp.effective_paths,
-            )
-            change, se, low, high = _with_interval(against)
-            known = allowance / steady
-            rows.append((AGAINST, name, change, se, low - known, high + known))
-        halved = mean_of(whole - other, whole)
-        rows.append((HALVED, name, *_with_interval(halved)))
-    return pd.DataFrame(rows, columns=["what", "quantity", "change", "se", "low", "high"])
-
-
-def _with_interval(of: Spread) -> tuple[float, float, float, float]:
-    """A value with its standard error and 95 % interval."""
-    return of.value, of.se, *of.interval()
+def _compare_overall(whole: pd.DataFrame, fine: RampSums, coarse: RampSums | None) -> pd.DataFrame:
+    """Shares by which the whole ramp differs from constant speeds, and by which halving its
+    stretches changes it."""
+    steady = whole["ramp"] - whole["difference"]
+    bounds = whole[["difference", "difference_low", "difference_high"]].div(steady, axis=0)
+    rows = [
+        (AGAINST, name, *row)
+        for name, row in zip(whole["quantity"], bounds.to_numpy(), strict=True)
+        if name in POWERS and np.isfinite(row).all()
+    ]
+    for name in POWERS:
+        one = fine.counted[-1, :, 0, QUANTITIES[name]]
+        if coarse is not None and one.sum() > 0.0:
+            halved = mean_of(one - coarse.counted[-1, :, 0, QUANTITIES[name]], one)
+            rows.append((HALVED, name, halved.value, *halved.interval()))
+    return pd.DataFrame(rows, columns=["what", "quantity", "change", "low", "high"])
 
 
 def _tabulate_points(ramp: SpeedRamp, runs: list[SteadyRun]) -> pd.DataFrame:

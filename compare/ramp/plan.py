@@ -11,9 +11,10 @@ from rattle.compare.ramp.speed import SpeedRamp
 from rattle.montecarlo.long_run.paths import IMPACT_SECONDS
 from rattle.montecarlo.long_run.sums import NUMBER, new_sums, no_scales
 from rattle.montecarlo.long_run.walk import Walk
-from rattle.scene import Scene, duration_text
+from rattle.scene import Constants, Scene, duration_text
 
-RAMP_SHARE = 0.45  # of the budget, for the ramp and its coarser copy
+PLANNED_SHARE = 0.85  # of the budget: the rest is for the counting itself, figures and tables
+RAMP_SHARE = 0.45  # of what is planned, for the ramp and its coarser copy
 PERIOD_SECONDS = 1e-5
 """Nominal processor time of a period of a path without impacts."""
 PILOT_PATHS = 4
@@ -50,9 +51,12 @@ class RunUpPlan(NamedTuple):
         )
 
 
-def count_period(scene: Scene, slow: float, seed: np.random.SeedSequence) -> float:
-    """Nominal processor time of a period of a path."""
+def count_period(
+    scene: Scene, slow: float, seed: np.random.SeedSequence, constants: Constants
+) -> float:
+    """Nominal processor time of a period of a path of a scene with these constants."""
     walk = Walk(scene, seed, 0, PILOT_PATHS)
+    walk.change_constants(constants)
     sums = new_sums(PILOT_PATHS, 1 + PILOT_SETTLING // PILOT_PERIODS, no_scales(slow), False)
     walk.follow(sums, PILOT_SETTLING + PILOT_PERIODS, PILOT_PERIODS)
     impacts = float(sums.main[:, -1, NUMBER].sum()) / (PILOT_PATHS * PILOT_PERIODS)
@@ -75,21 +79,22 @@ def plan_work(
     ramp: SpeedRamp, speeds: list[float], slow: float, budget: float, seed: np.random.SeedSequence
 ) -> RunUpPlan:
     """Share a budget among constant speeds and the ramp; of both the least comes first."""
-    scenes = [ramp.scene_at(rpm) for rpm in speeds]
-    cost = np.array(
-        [
-            count_period(scene, ramp.slow_at(slow, rpm), seed)
-            for rpm, scene in zip(speeds, scenes, strict=True)
-        ]
-    )
+    costs = []
+    for rpm in speeds:
+        scene = ramp.scene_at(rpm)
+        slow_there = ramp.slow_at(slow, rpm)
+        motions = scene.constants, ramp.constants_at(rpm)  # chatter may be in one of them alone
+        costs.append([count_period(scene, slow_there, seed, c) for c in motions])
+    cost, cost_in_ramp = np.array(costs).T
     ascending = np.argsort(speeds)
     passed = ramp.rpm_at(np.arange(0.5, ramp.periods))
-    of_ramp = np.interp(passed, np.array(speeds)[ascending], cost[ascending])
+    of_ramp = np.interp(passed, np.array(speeds)[ascending], cost_in_ramp[ascending])
     ramp_cost = RAMP_COPIES * float(of_ramp.sum() + RAMP_BURN_IN * cost[0])  # of a path
-    ramp_paths = min(int(RAMP_SHARE * budget / ramp_cost), MOST_RUN_UP_PATHS)
+    planned = PLANNED_SHARE * budget
+    ramp_paths = min(int(RAMP_SHARE * planned / ramp_cost), MOST_RUN_UP_PATHS)
     if ramp_paths < FEWEST_RAMP_PATHS:
         ramp_paths = 0
-    rest = budget - ramp_paths * ramp_cost
+    rest = planned - ramp_paths * ramp_cost
     least = FEWEST_PATHS * (SETTLING + STEADY_PERIODS[0]) * cost
     order = coarse_to_fine(len(speeds))
     fitting = int((np.cumsum(least[order]) <= rest).sum())
@@ -110,5 +115,6 @@ def plan_work(
         complete=max(
             FEWEST_RAMP_PATHS * ramp_cost / RAMP_SHARE,
             float(least.sum()) / (1.0 - RAMP_SHARE),
-        ),
+        )
+        / PLANNED_SHARE,
     )

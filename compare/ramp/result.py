@@ -94,7 +94,7 @@ class RunUp(Finding):
             at_most=at_most.to_dict("index"),
             least=speed_text(self.slow, self.scene.gears, "physical"),
             begins=seen["rpm"].min() if len(seen) else None,
-            speeds=len(self.points),
+            speeds=self.points["remark"].eq("").sum(),
             thresholds=self.thresholds.to_dict("records"),
             changes=[_largest(rows) for _, rows in changes.groupby("quantity", sort=False)]
             if len(changes)
@@ -115,7 +115,7 @@ class RunUp(Finding):
         """
         from rattle.compare.ramp.figures import run_up_figure
 
-        return run_up_figure(self.table, self.thresholds)
+        return run_up_figure(self.table, self.thresholds, self.points["rpm"])
 
 
 def _largest(rows: pd.DataFrame) -> dict[Any, Any]:

@@ -11,7 +11,9 @@ from scipy.integrate import solve_ivp
 
 from rattle import DAT21, Gears, InputError, Scene
 from rattle.compare import run_up
+from rattle.compare.ramp import measure
 from rattle.compare.ramp.speed import SpeedRamp, read_ramp
+from rattle.montecarlo.kernel.blocks import Budget
 from rattle.scene.flight import flow
 
 GEARS = Gears.driven(
@@ -27,7 +29,13 @@ GEARS = Gears.driven(
     torque1_over_rpm=((500.0, 40.0), (1500.0, 60.0), (4000.0, 90.0)),
 )
 SCENE = Scene.from_gears(GEARS, sigma=0.5, stages=1)
-SWEPT = {"rpm": (1500.0, 2500.0), "points": 3, "budget": 2.0, "rng": 7}
+SWEPT = {"rpm": (1500.0, 2500.0), "points": 3, "budget": 1.0, "rng": 7}
+
+
+@pytest.fixture(autouse=True)
+def _no_clock(monkeypatch):
+    """The plan alone decides what is run, on a slow machine too."""
+    monkeypatch.setattr(measure, "Budget", lambda seconds: Budget(1e6))
 
 
 def fly_physically(ramp: SpeedRamp, periods: int, y1: float) -> tuple[float, float]:
@@ -85,18 +93,18 @@ def test_the_ramp_is_the_physical_motion_but_for_its_stretches(rpm):
 
 
 def test_a_slow_ramp_is_as_constant_speeds_and_a_fast_one_is_not():
-    """Within 4 standard errors and the allowance, of nine rows; both are sharp to 2 %."""
-    slow = run_up(SCENE, seconds=40.0, **SWEPT)
+    """Within 4 standard errors and the allowance, of nine rows; sharp to 2 % of a value."""
+    slow = run_up(SCENE, seconds=20.0, **SWEPT)
     rows = slow.table
     within = 4.0 * rows["se_difference"] + rows["allowance"]
     assert (rows["difference"].abs() < within).all()
     assert not rows["differs"].any()
     power = rows[rows["quantity"] != "speed_above"]
-    assert (within[power.index] < 0.05 * power["value"]).all()
-    assert abs(slow.overall["change"]).max() < 0.02
-    fast = run_up(SCENE, seconds=2.0, **SWEPT)
+    assert (within[power.index] < 0.08 * power["value"]).all()
+    assert abs(slow.overall["change"]).max() < 0.03
+    fast = run_up(SCENE, seconds=0.5, **SWEPT)
     assert fast.table["differs"].any()
-    assert fast.added_torque[0] == pytest.approx(20.0 * slow.added_torque[0])
+    assert fast.added_torque[0] == pytest.approx(40.0 * slow.added_torque[0])
     assert "differ (95 % for all rows together)" in repr(fast)
 
 
@@ -137,9 +145,8 @@ def test_the_command_writes_a_page_and_says_where_it_rattles_most(tmp_path):
     file = tmp_path / "gears.toml"
     file.write_text(replace(SCENE, start=None).to_toml())
     out = tmp_path / "out"
-    words = (
-        f"run-up {file} --over speed_rpm=1500:2500:2 --seconds 1 --budget 2 --out {out} --workers 1"
-    )
+    over = "--over speed_rpm=1500:2500:2 --seconds 1"
+    words = f"run-up {file} {over} --budget 1 --out {out} --workers 1"
     said = rattle(words).output
     assert "It rattles most at" in said
     assert "Threshold of rattle" in said
