@@ -15,7 +15,7 @@ from rattle.compare.engine.run import Runner
 from rattle.compare.engine.store import open_store
 from rattle.compare.judge.verdict import Verdict
 from rattle.compare.parameters.boundary import check_search, seed_of
-from rattle.compare.parameters.finding import AlongParameter, with_unit
+from rattle.compare.parameters.finding import AlongParameter
 from rattle.compare.parameters.search import MOST_VALUES, find_changes, state_effort
 from rattle.compare.stationary.result import unit_of
 from rattle.compare.stationary.study import LongCell, LongResult
@@ -119,7 +119,9 @@ class Crossing(AlongParameter):
         """
         from rattle.compare.parameters.figures import crossing_figure
 
-        return crossing_figure(self, self.level, with_unit(self.quantity, self.quantity_unit))
+        return crossing_figure(
+            self, self.level, f"{self.quantity}, {self.quantity_unit}".rstrip(", ")
+        )
 
 
 @numpy_defaults
