@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from dataclasses import fields, replace
 from typing import Any
 
-from rattle.scene.errors import choice
+from rattle.scene.errors import choice, non_negative
 from rattle.scene.gears import check_typed, values_of
 from rattle.scene.gears_input import UNIT, read_drive
 from rattle.scene.parts import Start, Tolerance, move_to_flanks
@@ -34,6 +34,8 @@ ORDER_UNITS = {
 relative to that of the drive."""
 ORDER_FIELD = re.compile(rf"drive\.([1-9][0-9]*)\.({'|'.join(ORDER_UNITS)})")
 """A value of one order of the drive, such as ``drive.2.amplitude``."""
+DRAWN = {f"tolerance.backlash{mesh}": f"c{mesh}_max" for mesh in (1, 2)}
+"""Tolerances of the backlashes as ``[gears.tolerance]`` has them, in mm, and their fields."""
 NOT_NUMBERS = ("stages", "start.mesh", "tolerance.distribution", "tolerance.draw")
 # not of a single stage
 SECOND = ("beta2", "gamma2", "mu", "gap2", "start.x2", "start.y2", "tolerance.c2_max")
@@ -72,6 +74,9 @@ def change(scene: Scene, changes: Mapping[str, Any]) -> Scene:
         part, _, field = name.partition(".")
         if order := ORDER_FIELD.fullmatch(name):
             orders.setdefault(int(order[1]), {})[order[2]] = value
+        elif name in DRAWN and scene.gears is not None:
+            half = 0.5 * non_negative(name, value)  # of the full backlash, as a drawing has it
+            parts[part][DRAWN[name]] = half / scene.gears.backlash1
         elif field:
             parts[part][field] = value
         elif name not in typed:
@@ -105,6 +110,9 @@ def find_value(scene: Scene, name: str, asked: str) -> float:
         return of_gears[name]
     if order := ORDER_FIELD.fullmatch(name):
         return _find_in_order(scene, int(order[1]), order[2])
+    if scene.gears is not None and name in DRAWN:
+        drawn = getattr(scene.tolerance, DRAWN[name], 0.0)
+        return 2.0 * drawn * scene.gears.backlash1
     if scene.gears is not None and name not in SCENE_FIELDS:
         check_typed(scene.gears, name, asked)
     excluded = (*NOT_NUMBERS, *(SECOND if scene.stages == 1 else ()))
@@ -142,13 +150,15 @@ def unit_of_value(name: str) -> str:
     """The unit of a value of gears or of a measured order; empty for one without a dimension."""
     if order := ORDER_FIELD.fullmatch(name):
         return ORDER_UNITS[order[2]]
-    return UNIT.get(name.rstrip("12"), "")
+    return UNIT.get(name.removeprefix("tolerance.").rstrip("12"), "")
 
 
 def words_of_value(name: str) -> str:
     """What a value is, in words; empty for one that only its symbol names."""
     if order := ORDER_FIELD.fullmatch(name):
         return f"{order[2].split('_')[0]} of order {order[1]} of the drive"
+    if name in DRAWN:
+        return f"tolerance of the backlash at mesh {name[-1]}"
     if name.startswith("gap") or "." in name:
         return ""
     return VALUE_WORDS.get(name.rstrip("12"), "").format(name[-1])

@@ -16,7 +16,7 @@ from rattle.compare.engine.run import Runner
 from rattle.compare.engine.store import open_store
 from rattle.compare.judge.verdict import Verdict
 from rattle.compare.parameters.boundary import check_search, seed_of
-from rattle.compare.parameters.finding import AlongParameter, after_number, with_unit
+from rattle.compare.parameters.finding import AlongParameter, after_number
 from rattle.compare.parameters.search import (
     LOOK_SHARE,
     MOST_VALUES,
@@ -127,7 +127,9 @@ class Crossing(AlongParameter):
         """
         from rattle.compare.parameters.figures import crossing_figure
 
-        return crossing_figure(self, self.level, with_unit(self.quantity, self.quantity_unit))
+        return crossing_figure(
+            self, self.level, f"{self.quantity}, {self.quantity_unit}".rstrip(", ")
+        )
 
     @property
     def answer(self) -> list[str]:

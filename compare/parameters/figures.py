@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from rattle.compare.judge.verdict import DECIDED, Verdict
 from rattle.compare.parameters.finding import AlongParameter, quantity_words
-from rattle.compare.report.style import axis_label, legend_above, new_figure
+from rattle.compare.report.style import axis_label, legend_above, new_figure, plain_numbers
 from rattle.compare.study.parameters import PERCENT
 
 COLOURS: dict[str, str] = {
@@ -61,6 +61,7 @@ def _draw_search(
     for edge in found.edges:
         ax.axvspan(*sorted(edge[:2]), color="0.5", alpha=0.3, lw=0, label=shaded)
     ax.set(xscale="log", xlabel=axis_label(found.over))
+    plain_numbers(ax.xaxis, found.points["value"])
     return figure, ax
 
 
@@ -100,6 +101,7 @@ def map_figure(curve: pd.DataFrame, points: pd.DataFrame, along: str, over: str)
         xlabel=axis_label(along),
         ylabel=axis_label(over),
     )
+    plain_numbers(ax.yaxis, points["value"])
     ax.set_xticks([], minor=True)
     ax.set_xticks(places, [f"{place:.3g}" for place in places])
     ax.set(xlim=(ends[0], ends[-1]), ylim=(points["value"].min(), points["value"].max()))

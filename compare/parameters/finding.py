@@ -30,11 +30,6 @@ def after_number(unit: str) -> str:
     return f" {unit}" if unit else ""
 
 
-def with_unit(name: str, unit: str) -> str:
-    """A name with its unit, if it has one."""
-    return f"{name} ({unit})" if unit else name
-
-
 def list_values(values: Any) -> str:
     """Values after each other."""
     return ", ".join(f"{value:.4g}" for value in values)

@@ -8,8 +8,9 @@ from typing import Any
 import matplotlib as mpl
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.figure import Figure
-from matplotlib.ticker import MaxNLocator
+from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
 
 from rattle.closure import CLOSURES
 from rattle.scene import STATE
@@ -93,6 +94,15 @@ def legend_above(figure: Figure, axes: Sequence[Axes], columns: int) -> None:
         if most == 1 or legend.get_window_extent().width <= figure.bbox.width:
             break
         legend.remove()
+
+
+def plain_numbers(axis: Axis, values: Iterable[float]) -> None:
+    """Put plain numbers at a logarithmic axis of some values, enough of them over few decades."""
+    shown = sorted(values)
+    if shown[-1] < 100.0 * shown[0]:
+        axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    axis.set_major_formatter("{x:g}")
+    axis.set_minor_formatter(NullFormatter())
 
 
 def whole_impacts(ax: Axes) -> None:

@@ -29,7 +29,7 @@ from rattle.scene import (
     nearest,
     positive,
 )
-from rattle.scene.changes import ORDER_FIELD, SCENE_FIELDS, UNIT_VALUES, change
+from rattle.scene.changes import DRAWN, ORDER_FIELD, SCENE_FIELDS, UNIT_VALUES, change
 from rattle.scene.files import in_file, read_text, read_toml
 from rattle.scene.gears import check_typed, values_of
 from rattle.scene.gears_input import GEAR_FIELDS, OPTIONAL, check_plausible
@@ -66,7 +66,7 @@ def read_axes(tables: Sequence[Mapping[str, Any]], gears: Gears | None = None) -
     their values: a list, ``{ linear = [LOW, HIGH, POINTS] }`` or ``{ log = [LOW, HIGH, POINTS] }``.
     Fields of one table vary together and need equally many values.
     """
-    valid = (*VARIABLE, *(values_of(gears) if gears else ()))
+    valid = (*VARIABLE, *((*values_of(gears), *DRAWN) if gears else ()))
     axes: list[Axis] = []
     if not isinstance(tables, list | tuple):
         raise InputError("axes", tables, "write each axis as a table [[axes]]")

@@ -9,7 +9,6 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import LogLocator, NullFormatter
 
 from rattle.compare.judge.verdict import ACCURATE_UP_TO, ENDED, NOT_WRONG, WRONG, Verdict, want
 from rattle.compare.report.style import (
@@ -18,6 +17,7 @@ from rattle.compare.report.style import (
     axis_label,
     legend_above,
     new_figure,
+    plain_numbers,
     whole_impacts,
 )
 from rattle.compare.study.design import Placed, Study
@@ -71,10 +71,7 @@ def label_field(ax: Axes, name: str, given: Iterable[float]) -> None:
         ax.set_xlim(-0.2 * scale["linthresh"], None)
         ax.xaxis.set_major_formatter("{x:g}")
     if scale["value"] == "log":
-        if values[-1] < 100.0 * values[0]:
-            ax.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-        ax.xaxis.set_major_formatter("{x:g}")
-        ax.xaxis.set_minor_formatter(NullFormatter())
+        plain_numbers(ax.xaxis, values)
 
 
 def errors(r: Any, rows: pd.DataFrame) -> Figure:

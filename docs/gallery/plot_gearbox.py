@@ -36,7 +36,7 @@ def follow(scene):
 def draw(name, values, scenes):
     """Rate and power over one value of the gears."""
     tables = [follow(scene) for scene in scenes]
-    _, axes = plt.subplots(2, 1, figsize=(4.4, 5.0), layout="constrained", sharex=True)
+    _, axes = plt.subplots(2, 1, figsize=(4.1, 4.8), layout="constrained", sharex=True)
     for ax, (quantity, label) in zip(axes, QUANTITIES.items(), strict=True):
         for where, (mesh, color, marker) in MESHES.items():
             rows = [table.loc[quantity + mesh, ["value", "low", "high"]] for table in tables]

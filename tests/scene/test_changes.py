@@ -62,6 +62,13 @@ def test_an_order_in_the_units_of_a_scene_file():
     assert (new.order, new.amplitude) == (4, pytest.approx(0.1))
 
 
+def test_a_tolerance_in_mm_as_a_drawing_has_it():
+    loose = change(SCENE, {"backlash1": 0.4, "tolerance.backlash1": 0.02})
+    assert loose.tolerance.c1_max == pytest.approx(0.025)
+    assert find_value(loose, "tolerance.backlash1", "over") == pytest.approx(0.02)
+    assert find_value(Scene.from_gears(DAT21), "tolerance.backlash2", "over") == 0.0
+
+
 @pytest.mark.parametrize(
     ("scene", "changes", "message"),
     [

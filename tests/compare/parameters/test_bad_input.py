@@ -42,6 +42,8 @@ BAD = {
     "sensitivity": [
         ({"quantities": ["powr"]}, "did you mean 'power'"),
         ({"parameters": ["torque3"]}, "did you mean 'torque"),
+        ({"parameters": ["correlation_time"]}, "is 0 in this scene"),
+        ({"parameters": ["speed_rpm"]}, "these gears were given without it"),
         ({"accuracy": 0.0}, "accuracy = 0.0: must be greater than 0"),
         ({"budget": -1.0}, "budget = -1.0"),
         ({"scene": Scene(alpha=0.1, epsilon=0.5, beta1=0.1, gamma1=1.0, stages=1)}, "at rest"),

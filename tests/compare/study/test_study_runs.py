@@ -201,7 +201,8 @@ def test_an_estimate_from_some_points_is_that_of_all(tmp_path, monkeypatch):
 def test_what_a_closure_cannot_take_is_said_once_with_exit_code_1(tmp_path):
     """A closure that does not cover a start in flight, and one that does, at six points."""
     file = tmp_path / "s.toml"
-    start = '[[axes]]\n"start.mesh" = [0]\n"start.x1" = [0.1]\n[[axes]]\nepsilon = [0.8, 0.9]\n'
+    start = '[[axes]]\n"start.mesh" = [0]\n"start.x1" = [0.1]\n"start.x2" = [0.1]\n'
+    start += "[[axes]]\nepsilon = [0.8, 0.9]\n"
     file.write_text(study_text(paths=512, more=start).replace('"corrected"', '"published"'))
     for option, code in (("--explain", 0), ("", 1), ("--status", 0), ("", 1)):
         found = rattle(f"study {file} {option}", code=code)
