@@ -9,6 +9,7 @@ Therefore looks may be left out depending on earlier ones, and the first decisio
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 from rattle.montecarlo.kernel.blocks import Budget, clock
 from rattle.montecarlo.statistics.intervals import CONFIDENCE, TOO_FEW
@@ -92,3 +93,13 @@ def grow(size: int, needed: float, spare: float, grain: int = 1) -> int:
     """The size of the next look at a sample that is too small: as many times what is expected to
     suffice as `spare` says, in whole grains."""
     return math.ceil(max(spare * needed, LEAST_GROWTH * size) / grain) * grain
+
+
+def order_ends_first(values: Sequence[float]) -> list[float]:
+    """Values such that what a budget leaves out is spread evenly: both ends, then the middle of the
+    widest gap."""
+    order = [0, len(values) - 1]
+    while len(order) < len(values):
+        gaps = [(b - a, a + b) for a, b in pairwise(sorted(order))]
+        order.append(max(gaps)[1] // 2)
+    return [values[k] for k in order[: len(values)]]

@@ -1,5 +1,7 @@
-"""A budget bounds the work that is counted, and what is returned has intervals: on a processor whose
-time is counted in impacts, three times slower than this one."""
+"""A budget bounds the work that is counted, and what is returned has intervals.
+
+The processor of these tests counts its time in impacts, and is three times slower than a usual one.
+"""
 
 import time
 
