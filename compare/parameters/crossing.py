@@ -31,13 +31,14 @@ from rattle.compare.parameters.search import (
 )
 from rattle.compare.stationary.result import unit_of
 from rattle.compare.stationary.study import LongCell, LongResult
-from rattle.montecarlo.kernel.blocks import Budget, BudgetEnded
+from rattle.montecarlo.kernel.blocks import Budget
 from rattle.montecarlo.long_run import expect_run
 from rattle.montecarlo.long_run.estimates import all_names, most_unseen
 from rattle.montecarlo.looks import BUDGET_ENDED, Looks
 from rattle.montecarlo.seed import Rng, read_whole_seed
 from rattle.montecarlo.statistics.intervals import half_width, tail_of
 from rattle.scene import InputError, Scene, choice, positive
+from rattle.scene.errors import BudgetEnded
 from rattle.scene.numpy_errors import numpy_defaults
 from rattle.scene.progress import ProgressBar, do
 

@@ -29,10 +29,11 @@ from rattle.compare.stationary.verdicts import (
 from rattle.compare.study.design import Study, list_reasons, with_coordinates
 from rattle.compare.study.figures import label_field, panels
 from rattle.compare.study.folder import Drawing
-from rattle.montecarlo.kernel.blocks import Blocks, Budget, BudgetEnded
+from rattle.montecarlo.kernel.blocks import Blocks, Budget
 from rattle.montecarlo.long_run.paths import IMPACT_SECONDS
 from rattle.montecarlo.long_run.run import LONG_RUN_ACCURACY, LONG_RUN_PATHS, check_long_run
 from rattle.scene import InputError, Scene
+from rattle.scene.errors import BudgetEnded
 
 if TYPE_CHECKING:
     import xarray as xr

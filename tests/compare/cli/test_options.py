@@ -21,7 +21,8 @@ from rattle.compare.checks.stability.chart import AXES
 from rattle.compare.cli.main import main
 from rattle.compare.cli.shared import say
 from rattle.compare.parameters.boundary import SIGMA_RANGE
-from rattle.compare.parameters.sensitivity import default_quantities
+from rattle.compare.parameters.search import SEARCH_BUDGET
+from rattle.compare.parameters.sensitivity import EFFECT_ACCURACY, default_quantities
 from rattle.compare.stationary.verdicts import CLOSURES_JUDGED
 from rattle.compare.tradeoff.measure import ACCURACIES
 from rattle.montecarlo import SCHEMES, default_step
@@ -119,8 +120,10 @@ STEP = (
 REAL = {
     "animate --sigma": "the scene's; 0.1 on DAT21",
     "boundary --closure": signature(boundary).parameters["closure"].default,
+    "boundary --budget": f"{SEARCH_BUDGET:g}; none with --and",
     "boundary --between": f"{SIGMA_RANGE[0]:g} {SIGMA_RANGE[1]:g} for sigma",
     "claims --sigma": "0.01, 0.1",
+    "sensitivity --accuracy": f"{EFFECT_ACCURACY:g}",
     "simulate --accuracy": "0.01",
     "simulate --dt": STEP,
     "simulate --budget": f"an hour; beyond it the answer is what {INSTEAD:g} s give",
