@@ -254,15 +254,15 @@ def _obtain(
     """The results by value, in the order of the values; the ends are computed first, the others as
     long as a budget allows."""
     order = order_ends_first(list(cells))
-    found: dict[float, Content] = {}
+    contents: dict[float, Content] = {}
     at_once = len(order) if limit is None else 2 * workers
     for first in range(0, len(order), at_once):
-        if found and limit is not None and limit.remaining <= 0.0:
+        if contents and limit is not None and limit.remaining <= 0.0:
             break
         part = order[first : first + at_once]
         obtained = obtain_all([cells[at] for at in part], folder, workers)
-        found |= zip(part, obtained, strict=True)
-    return {at: found[at] for at in cells if at in found}
+        contents |= zip(part, obtained, strict=True)
+    return {at: contents[at] for at in cells if at in contents}
 
 
 def stationary_bifurcation(

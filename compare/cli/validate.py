@@ -40,7 +40,7 @@ BESIDE_HELP = (
 VALIDITY = (
     "Noise intensities of the figure that opens the report, evenly spaced in their logarithm."
 )
-TRADEOFF_BUDGET = (
+TRADEOFF_HELP = (
     "Core-seconds of counted work of all. A point may take a fourth; costlier ones are"
     " extrapolated."
 )
@@ -199,7 +199,7 @@ def _exit(run: "ReportRun", repeated: "Repeat | None", must_be_accurate: bool) -
 @shared.several(
     "accuracy", "accuracies", float, "Error in sds; repeatable. [default: 0.3 to 0.001]"
 )
-@shared.real("budget", TRADEOFF_BUDGET, 400.0)
+@shared.real("budget", TRADEOFF_HELP, 400.0)
 @shared.SEED_OPTION
 @click.option(
     "--orders/--no-orders",

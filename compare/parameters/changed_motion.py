@@ -24,7 +24,7 @@ from rattle.scene import Floats, InputError, Scene
 from rattle.scene.progress import ProgressBar
 
 PATHS_OF_A_GROUP = 2  # the fewest of which a quantity has a value
-GROUPS = (16, 8, 4)
+GROUP_NUMBERS = (16, 8, 4)
 """Independent groups, as many as the budget allows: Student's t with three degrees of freedom is
 half as wide again as with fifteen."""
 TEST_PERIODS = 16  # of the unchanged scene; those of their last half set the scales for all scenes
@@ -118,7 +118,7 @@ def count_work(scene: Scene, slow: float) -> float:
     """Nominal processor time of a period of one path, from the impacts of a few paths."""
     warm_up(scene, slow)
     with ThreadPoolExecutor(1) as pool, ProgressBar() as bar:
-        few = GROUPS[-1]
+        few = GROUP_NUMBERS[-1]
         seed = np.random.SeedSequence(0)
         paths = LongPaths(scene, few, seed, slow, Budget(math.inf), pool, bar)
         paths.follow(PROBED_PERIODS)
@@ -211,8 +211,8 @@ class ChangedMotion:
         if periods != self.periods:
             assert self._paths is not None
             parts = _split(self._paths.collect(), groups)
-            found = [estimates(part, tuple(names)) for part in parts]
-            values = [[of[n].value if n in of else 0.0 for n in names] for of in found]
+            estimated = [estimates(part, tuple(names)) for part in parts]
+            values = [[of[n].value if n in of else 0.0 for n in names] for of in estimated]
             with np.errstate(divide="ignore"):
                 logs = np.log(values) + self._units(names)
             self._logs = self.periods, logs

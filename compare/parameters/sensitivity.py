@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 
 from rattle.compare.parameters.changed_motion import (
-    GROUPS,
+    GROUP_NUMBERS,
     PATHS_OF_A_GROUP,
     ChangedMotion,
     Shared,
@@ -52,14 +52,14 @@ EFFECT_ACCURACY = 0.001
 SENSITIVITY_BUDGET = 60.0  # core-seconds, by default
 BENT_SHARE = 0.1  # share of an effect by which the two steps must differ to call it not linear
 # of the budget that may be planned for by counted work; the rest is for what nobody counts
-COUNTED_SHARE = 0.8
+PLANNED_SHARE = 0.8
 # of what is planned, for a first look at all parameters; the rest goes where intervals are wide
 FIRST_SHARE = 0.6
 # periods after the burn-in at which all parameters are looked at first, at the least and at the
 # most, and those after which none is followed further
-FEWEST_PERIODS = 2
+SHORTEST_PERIODS = 2
 WANTED_PERIODS = 6
-FIRST_PERIODS = 64
+FIRST_LOOK_PERIODS = 64
 LONGEST_PERIODS = 4096
 SETTLE_PERIODS = 24  # of the unchanged motion: its burn-in, and what follows
 ESTIMATE_SECONDS = 0.0025  # nominal, of the quantities of a group
@@ -312,10 +312,10 @@ class _Search:
         self._limit = limit
         self._pool = pool
         self._bar = bar
-        self._planned = COUNTED_SHARE * limit.seconds  # core-seconds that are left to plan
+        self._planned = PLANNED_SHARE * limit.seconds  # core-seconds that are left to plan
         self._shared: Shared | None = None
         changed = [motion for four in motions.values() for motion in four]
-        self.groups = GROUPS[0]
+        self.groups = GROUP_NUMBERS[0]
         if self.base.find_exact(slow):
             list(pool.map(lambda one: one.find_exact(same_speed(slow, scene, one.scene)), changed))
             return
@@ -323,8 +323,10 @@ class _Search:
         with limit.pause():
             self._work = PATHS_OF_A_GROUP * count_work(scene, slow)  # of a period of a group
         least = len(changed) * WANTED_PERIODS + SETTLE_PERIODS
-        fitting = [n for n in GROUPS if n * self._work * least <= FIRST_SHARE * self._planned]
-        self.groups = max(fitting, default=GROUPS[-1])
+        fitting = [
+            n for n in GROUP_NUMBERS if n * self._work * least <= FIRST_SHARE * self._planned
+        ]
+        self.groups = max(fitting, default=GROUP_NUMBERS[-1])
         if progress:
             self._state_estimate(progress, len(changed))
         do("sensitivity: the motion as it is")
@@ -349,8 +351,8 @@ class _Search:
             return
         burn_in = self._shared.burn_in
         room = FIRST_SHARE * self._planned / max(len(self.motions), 1)
-        periods = FIRST_PERIODS
-        while periods > FEWEST_PERIODS and self._cost(burn_in + periods) > room:
+        periods = FIRST_LOOK_PERIODS
+        while periods > SHORTEST_PERIODS and self._cost(burn_in + periods) > room:
             periods -= 1
         affordable = max(self._planned / self._cost(burn_in + periods), 1.0)
         names = list(self.motions)

@@ -50,7 +50,7 @@ PAGE = "rattle.compare.stationary.study"
 TEMPLATE = "stationary/study.j2"
 WORDS = (*CLOSURE_TERMS, *VERDICT_TERMS, "exact flight", "σ", "ε", "orbit")
 MAIN_QUANTITIES = ("rate", "speed", "energy_per_period", "slow_share")  # those of the page
-LEAST_SECONDS = 1e-3  # of a budget; what is spent already leaves none
+LEAST_LIMIT = 1e-3  # of a budget; what is spent already leaves none
 TYPICAL_SPREAD = 2.0  # typical sd over mean of what is averaged, with its autocorrelation
 
 
@@ -115,7 +115,7 @@ class LongCell(Cell):
         """Follow the long run; raises BudgetEnded if it does not fit the budget."""
         budget = None
         if self.limit is not None and math.isfinite(self.limit.seconds):
-            budget = max(self.limit.remaining, LEAST_SECONDS)
+            budget = max(self.limit.remaining, LEAST_LIMIT)
         asked = self.asked | {"closures": self.closures, "budget": budget}
         try:
             result = stationary(self.scene.phase_reduced, **asked, rng=self.seed)

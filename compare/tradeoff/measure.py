@@ -44,6 +44,7 @@ from rattle.montecarlo.accuracy.pilots import PilotRun, pilot, sample_branches
 from rattle.montecarlo.diagnostics.accuracy import FEWEST_PATHS, sampling_error, units
 from rattle.montecarlo.ensemble.simulate_rare import begin_rare
 from rattle.montecarlo.kernel.blocks import Budget, in_threads
+from rattle.montecarlo.looks import CountedWork
 from rattle.montecarlo.statistics.intervals import widest
 from rattle.scene import SECTION, Floats, Scene, positive
 from rattle.scene.progress import ProgressBar
@@ -219,7 +220,6 @@ def check_accuracies(accuracies: Sequence[float]) -> tuple[float, ...]:
     return tuple(sorted({positive("accuracy", a) for a in accuracies}, reverse=True))
 
 
-TRADEOFF_BUDGET = 400.0  # core-seconds of counted work, by default
 # of the budget: the most that a point may take, and all points together
 POINT_SHARE = 0.25
 POINTS_SHARE = 0.7
@@ -234,23 +234,19 @@ SECONDS_OF_A_TIMING = 20.0  # of the budget for each time that something is time
 CONTROL_RUNS = 1 + 2 * LEVEL_TIMINGS  # of each noise intensity
 
 
-class Allowance:
-    """What is left of a budget of counted work.
-
-    `points`: core-seconds for the points; none is charged by the clock. `reduced`: what is smaller
-    than asked for, in words.
-    """
+class Allowance(CountedWork):
+    """What is left of the budget for the points, which come first; the tables have shares of their
+    own."""
 
     def __init__(self, budget: float) -> None:
-        self.budget = budget
+        super().__init__(max(budget, LEAST_SECONDS), POINTS_SHARE)
+        self.left -= POINTS_SHARE * min(FIXED_SECONDS, budget)
         self.limit = Budget(budget)
-        self.points = POINTS_SHARE * max(budget - FIXED_SECONDS, 0.0)
-        self.reduced: list[str] = []
 
     @property
     def of_point(self) -> float:
         """Core-seconds that the next point may take."""
-        return min(POINT_SHARE * self.budget, self.points)
+        return min(POINT_SHARE * self.budget, self.left)
 
     @property
     def timings(self) -> int:
@@ -269,19 +265,10 @@ class Allowance:
         if room <= 0.0:
             self.reduced.append(f"no {what}")
             return 0
-        fits = room / max(work, LEAST_SECONDS)
-        if fits >= 1.0:
-            return paths
-        number = max(int(paths * fits), FEWEST_SHARED)
-        self.reduced.append(f"{number:,} of {paths:,} paths for {what}")
+        points = self.left
+        number = self.fit(f"paths for {what}", paths, FEWEST_SHARED, work / paths, room)
+        self.left = points
         return number
-
-    def describe(self) -> str:
-        """What the budget has cut, as a sentence; empty if nothing."""
-        if not self.reduced:
-            return ""
-        cut = ", ".join(self.reduced)
-        return f"Within the budget of {self.budget:g} core-seconds: {cut}."
 
 
 def _measure_point(
@@ -302,7 +289,7 @@ def _measure_point(
         run, seconds = time_run(
             partial(asked, accuracy=accuracy, scheme=model.scheme, budget=allowance.remaining)
         )
-    allowance.points -= point.work
+    allowance.left -= point.work
     model.learn(run)
     reach = run.reach
     assert reach is not None

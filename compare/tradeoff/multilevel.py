@@ -167,7 +167,7 @@ def measure_levels(
     seeds = np.random.SeedSequence([seed, MULTILEVELS]).spawn(MULTILEVELS)
     bar = ProgressBar(seeds, label=f"levels of {scheme}", unit="level", leave=False)
     steps = level_steps(scene, scheme)
-    return levels_of([call(dt=dt, rng=own) for dt, own in zip(steps, bar, strict=True)])
+    return levels_of([call(dt=dt, rng=stream) for dt, stream in zip(steps, bar, strict=True)])
 
 
 def levels_of(runs: Sequence[Ensemble]) -> Levels:

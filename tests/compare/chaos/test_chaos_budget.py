@@ -32,7 +32,7 @@ def choose(budget, noisy_steps, end=""):
     impacts, segments = sizes.spectra()
     events = sizes.events()
     scenes, at_value = sizes.sweep(SCENES)
-    spent = effort.COUNTED_SHARE * budget - sizes._left
+    spent = effort.CHAOS_SHARE * budget - sizes.left
     return sizes, spent, (longest, points, impacts, segments, events, len(scenes), at_value)
 
 

@@ -271,7 +271,7 @@ def test_the_budget_of_a_tradeoff_is_that_of_all():
     fit."""
     rich = Allowance(400.0)
     assert rich.of_point == 100.0
-    rich.points -= 250.0
+    rich.left -= 250.0
     assert rich.of_point == pytest.approx(0.7 * 396.0 - 250.0)
     assert rich.scale("the levels", 0.1, 16_384, 30.0, 0) == 16_384
     assert rich.describe() == ""
