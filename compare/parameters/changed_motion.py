@@ -17,7 +17,7 @@ from rattle.montecarlo.kernel.blocks import Budget
 from rattle.montecarlo.long_run import AtRest
 from rattle.montecarlo.long_run.estimates import estimates
 from rattle.montecarlo.long_run.paths import LongPaths, warm_up
-from rattle.montecarlo.long_run.run import LEAST_IMPACTS, drift, settle
+from rattle.montecarlo.long_run.run import LEAST_IMPACTS, apart, drift, settle
 from rattle.montecarlo.long_run.sums import NUMBER, Collected, Scales, scales_of_pilot
 from rattle.montecarlo.settings import is_random
 from rattle.scene import Floats, InputError, Scene
@@ -29,6 +29,7 @@ GROUP_NUMBERS = (16, 8, 4)
 half as wide again as with fifteen."""
 TEST_PERIODS = 16  # of the unchanged scene; those of their last half set the scales for all scenes
 PROBED_PERIODS = 2
+QUIET_SECONDS = 2e-6  # nominal processor time of a period of a path without impacts: its steps
 MEMORIES = (1, 2, 4)
 """Periods after which the paths may have forgotten their start."""
 
@@ -110,6 +111,8 @@ class Shared:
         impacts = float(main[:, late, NUMBER].sum()) / len(main)
         if main.shape[1] < TEST_PERIODS or impacts < LEAST_IMPACTS:
             return 0
+        if not (self.base.own_walls or apart(main, late).reached):
+            return 0
         forgotten = (k for k in MEMORIES if drift(main, slice(k, 2 * k), late).reached)
         return next(forgotten, 0)
 
@@ -124,7 +127,7 @@ def count_work(scene: Scene, slow: float) -> float:
         paths.follow(PROBED_PERIODS)
         paths.begin()
         paths.follow(PROBED_PERIODS)
-        return paths.nominal / few
+        return max(paths.nominal / few, QUIET_SECONDS)
 
 
 class ChangedMotion:
