@@ -61,6 +61,7 @@ SHORTEST_PERIODS = 2
 WANTED_PERIODS = 6
 FIRST_LOOK_PERIODS = 64
 LONGEST_PERIODS = 4096
+PERIODS_OF_BURN_IN = 4  # of the first look, for each period of burn-in at the least
 SETTLE_PERIODS = 24  # of the unchanged motion: its burn-in, and what follows
 ESTIMATE_SECONDS = 0.0025  # nominal, of the quantities of a group
 
@@ -354,11 +355,17 @@ class _Search:
         self._pool = pool
         self._bar = bar
         self._planned -= self.groups * self._work * shared.base.elapsed
-        burn_in = shared.burn_in
+        least = shared.burn_in
         room = FIRST_SHARE * self._planned / max(len(self.motions), 1)
         periods = FIRST_LOOK_PERIODS
-        while periods > SHORTEST_PERIODS and self._cost(burn_in + periods) > room:
+        while True:
+            # an effect takes as long to develop as the start takes to be forgotten, which the test
+            # of the burn-in cannot see where all motions begin alike
+            burn_in = max(least, periods // PERIODS_OF_BURN_IN)
+            if periods <= SHORTEST_PERIODS or self._cost(burn_in + periods) <= room:
+                break
             periods -= 1
+        shared.burn_in = burn_in
         affordable = max(self._planned / self._cost(burn_in + periods), 1.0)
         names = list(self.motions)
         if affordable < len(names):
