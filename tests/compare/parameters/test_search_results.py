@@ -15,7 +15,7 @@ SHOWN = {
         "crosses 1000",
     ),
     "map": ("`saltation` is accurate up to sigma = ", "alpha", "over sigma and alpha"),
-    "balance": ("noise intensity (now 1): 1 % more adds 1.99 ±", "change (%)", "noise intensity"),
+    "balance": ("noise intensity (now 1): 1 % more adds ", "change (%)", "noise intensity"),
 }
 
 
