@@ -15,7 +15,7 @@ from rattle.compare.chaos.exponents import (
 )
 from rattle.compare.chaos.record import Regime
 from rattle.compare.chaos.spectrum import SEGMENT, SEGMENTS, SPECTRUM_PATHS, VELOCITY_IN_TIME
-from rattle.montecarlo.looks import CountedWork, order_ends_first
+from rattle.montecarlo.looks import CountedWork
 from rattle.scene import Scene
 
 CHAOS_BUDGET = 60.0  # core-seconds, by default
@@ -106,14 +106,16 @@ class Sizes(CountedWork):
         return self.fit("pairs of paths", self.effort.events, FEWEST_EVENTS, cost, room)
 
     def sweep(self, scenes: Mapping[float, Scene]) -> tuple[dict[float, Scene], int]:
-        """The values of the sweep, spread evenly, and the longest record at each."""
+        """The values of the sweep, at equal distances, and the longest record at each."""
         values = list(scenes)
-        room = self._share("sweep")
-        number = self.fit("values of the sweep", len(values), 2, VALUE_SECONDS, room)
+        work = len(values) * VALUE_SECONDS
+        stride = min(math.ceil(work / max(self._share("sweep"), VALUE_SECONDS)), len(values) - 1)
+        chosen = values[:: max(stride, 1)]
+        number = len(chosen)
+        fits = number * VALUE_SECONDS
+        self.fit("values of the sweep", len(values), number, VALUE_SECONDS, fits)
         room = VALUE_SECONDS + max(self.left, 0.0) / number
-        chosen = set(order_ends_first(values)[:number])
-        longest = _record(0.25 * room / TANGENT_SECONDS)
-        return {at: scenes[at] for at in values if at in chosen}, longest
+        return {at: scenes[at] for at in chosen}, _record(0.25 * room / TANGENT_SECONDS)
 
 
 def _record(impacts: float) -> int:
