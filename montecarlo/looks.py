@@ -9,15 +9,18 @@ Therefore looks may be left out depending on earlier ones, and the first decisio
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 from rattle.montecarlo.kernel.blocks import Budget, clock
 from rattle.montecarlo.statistics.intervals import CONFIDENCE, TOO_FEW
-from rattle.scene import positive
+from rattle.scene import duration_text, positive
 
 USUAL_LOOKS = 2
 """Looks after which a run to an accuracy ends as a rule."""
 
 LEAST_GROWTH = 1.1  # factor for a sample that was expected to suffice, and did not
+
+LEAST_COST = 1e-12  # core-seconds, of what costs nothing
 
 BUDGET_ENDED = "the budget ended"
 """Why something stays undecided, besides too few paths (`TOO_FEW`)."""
@@ -32,6 +35,40 @@ def share_of_look(look: int) -> float:
 def begin_budget(seconds: float | None) -> Budget:
     """The budget that a user gives in seconds, from now on; without an end where none is given."""
     return Budget(math.inf if seconds is None else float(positive("budget", seconds)))
+
+
+class CountedWork:
+    """What is left of a budget for work that is counted beforehand, so that no clock decides how
+    much is computed.
+
+    `budget`: core-seconds of all. `left`: those that are left to plan. `reduced`: what is smaller
+    than asked for, in words.
+    """
+
+    def __init__(self, budget: float, share: float) -> None:
+        self.budget = budget
+        self.left = share * budget
+        self.reduced: list[str] = []
+
+    def fit(self, what: str, wanted: int, fewest: int, cost: float, room: float) -> int:
+        """As many as fit some room at a cost of each, the fewest in any case, which are charged."""
+        affordable = int(min(max(room, 0.0) / max(cost, LEAST_COST), wanted))
+        number = max(min(wanted, fewest), affordable)
+        self.left -= number * cost
+        if number < wanted:
+            self.reduced.append(f"{number:,} of {wanted:,} {what}")
+        return number
+
+    def describe(self) -> str:
+        """What the budget has cut, as a sentence; empty if nothing."""
+        if not self.reduced or math.isinf(self.budget):
+            return ""
+        seconds = duration_text(self.budget)
+        cut = ", ".join(self.reduced)
+        return (
+            f"Within the budget of {seconds} of processor time: {cut}. A larger one (`--budget`,"
+            " `budget=`) gives more."
+        )
 
 
 @dataclass
@@ -92,3 +129,13 @@ def grow(size: int, needed: float, spare: float, grain: int = 1) -> int:
     """The size of the next look at a sample that is too small: as many times what is expected to
     suffice as `spare` says, in whole grains."""
     return math.ceil(max(spare * needed, LEAST_GROWTH * size) / grain) * grain
+
+
+def order_ends_first(values: Sequence[float]) -> list[float]:
+    """Values such that what a budget leaves out is spread evenly: both ends, then the middle of the
+    widest gap."""
+    order = [0, len(values) - 1]
+    while len(order) < len(values):
+        gaps = [(b - a, a + b) for a, b in pairwise(sorted(order))]
+        order.append(max(gaps)[1] // 2)
+    return [values[k] for k in order[: len(values)]]

@@ -77,6 +77,11 @@ class OutputError(RattleError, OSError):
     """An output folder that cannot be written, or only by overwriting something."""
 
 
+class BudgetEnded(BaseException):
+    """The budget ended before there is a result; no ``except Exception`` of a function of one's own
+    catches it."""
+
+
 def finite(field: str, value: object) -> float:
     """Check for a finite real number; booleans and strings are refused."""
     if isinstance(value, bool) or not isinstance(value, Real):

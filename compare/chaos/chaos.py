@@ -1,12 +1,14 @@
 """Chaos from Python: what ``rattle chaos`` measures, with its answer, its tables and its page."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import pandas as pd
 
-from rattle.compare.chaos.measure import ChaosStudy, Effort, study
+from rattle.compare.chaos.effort import CHAOS_BUDGET, Effort
+from rattle.compare.chaos.measure import ChaosStudy, study
 from rattle.compare.chaos.page import answer, chaos_tables, make_report
 from rattle.compare.chaos.sweep import vary
 from rattle.compare.report.folder import name_of
@@ -40,6 +42,8 @@ class Chaos(ChaosStudy):
         What was varied, with the exponents and the bifurcation diagram over it.
     missing : dict of str to str
         What the motion does not have, with the reason.
+    reduced : str
+        What the budget has made smaller than asked for, as a sentence.
 
     Examples
     --------
@@ -106,6 +110,7 @@ def chaos(
     points: int = 1_000_000,
     impacts: int = 200_000,
     events: int = 4000,
+    budget: float | None = CHAOS_BUDGET,
     rng: Rng = 0,
     workers: int = 1,
     folder: str | Path | None = None,
@@ -130,6 +135,10 @@ def chaos(
         Impacts of the spectra, 20,000 or more.
     events : int
         Pairs of paths behind each figure of two paths on the same noise, 128 or more.
+    budget : float, optional
+        Seconds of processor time, all threads together; compiling is not counted.  What does not
+        fit is made smaller by counted work: fewer points, impacts, pairs and values, and wider
+        intervals.  None for no limit.
     rng : int, SeedSequence, Generator or BitGenerator
         Seed; a generator of numpy gives a child of its seed sequence, another one each time.
     workers : int
@@ -167,7 +176,10 @@ def chaos(
         ("events", events, 128),
     ):
         count(name, given, least=least)
-    effort = Effort(points, impacts, events, width, read_whole_seed(rng), count("workers", workers))
+    seconds = math.inf if budget is None else positive("budget", budget)
+    seed = read_whole_seed(rng)
+    threads = count("workers", workers)
+    effort = Effort(points, impacts, events, width, seed, threads, seconds)
     say = print_on_stderr if progress else str
     found = study(scene, scenes, field, effort, say, None if folder is None else Path(folder))
     return Chaos(**vars(found))

@@ -173,6 +173,7 @@ def _measure(
     regime: Regime,
     impacts: int | None,
     width: float | None,
+    longest: int,
 ) -> Exponents:
     """Exponents of a record that is lengthened until it has `impacts`, or its interval is no wider
     than `width`."""
@@ -182,7 +183,7 @@ def _measure(
     least = 2 * GROWTH_BATCHES * GROWTH_BLOCK
     if impacts is not None:
         count("impacts", impacts, least=least, most=LONGEST_RECORD)
-    target = impacts or (DEFAULT_RECORD if width is None else FIRST_RECORD)
+    target = impacts or min(DEFAULT_RECORD if width is None else FIRST_RECORD, longest)
     blocks = np.empty((0, 6))
     done = 0
     for s in stretches:
@@ -196,7 +197,7 @@ def _measure(
             width is None
             or exponents.width <= width
             or not regime.has_record
-            or regime.computed > LONGEST_RECORD
+            or regime.computed > longest
         ):
             return exponents
         # strongly correlated batches: the first half may be a transient
@@ -207,7 +208,7 @@ def _measure(
             done -= transient
         else:
             target = max(exponents.impacts_for(width), target + least)
-        target = min(target, LONGEST_RECORD)
+        target = min(target, longest)
     return _exponents(of, scene, blocks, regime)
 
 
@@ -251,24 +252,35 @@ def say_crossings(table: pd.DataFrame, field: str, of: str) -> str:
     return "; ".join(where) or "none"
 
 
-def lyapunov(scene: Scene, *, impacts: int | None = None, width: float | None = None) -> Exponents:
+def lyapunov(
+    scene: Scene,
+    *,
+    impacts: int | None = None,
+    width: float | None = None,
+    longest: int = LONGEST_RECORD,
+) -> Exponents:
     """Compute all Lyapunov exponents of the noise-free orbit of a scene.
 
     By the QR method with orthonormal frames (Benettin et al. 1980), with the exact Jacobian of each
     flight and the saltation matrix of each impact.
 
     `impacts`: Length of the record without transients; 100 000 by default, or what the `width` of
-    the largest exponent's interval takes, if that is not too long. Returns: NaN if the orbit sticks
+    the largest exponent's interval takes, `longest` at the most. Returns: NaN if the orbit sticks
     often or for good, has no further impact, or brings neighbours together faster than double
     precision resolves; `regime` gives the reason.
     """
     regime = Regime()
     record = orbit_record(scene, ENDLESS_RECORD, regime)
-    return _measure(ORBIT, scene, record, regime, impacts, width)
+    return _measure(ORBIT, scene, record, regime, impacts, width, longest)
 
 
 def drift_exponents(
-    scene: Scene, *, impacts: int | None = None, width: float | None = None, seed: int = 0
+    scene: Scene,
+    *,
+    impacts: int | None = None,
+    width: float | None = None,
+    longest: int = LONGEST_RECORD,
+    seed: int = 0,
 ) -> Exponents:
     """Compute the exponents of the drift's linearisation along a noisy path
     (`rattle.montecarlo.coupling.paths`).
@@ -278,12 +290,12 @@ def drift_exponents(
     saltation matrix of the drift.
 
     `impacts`: Length of the record without transients; 100 000 by default, or what the `width` of
-    the largest exponent's interval takes, if that is not too long. Returns: NaN if gaps are random,
+    the largest exponent's interval takes, `longest` at the most. Returns: NaN if gaps are random,
     or the path sticks too often; `regime` gives the reason.
     """
     regime = Regime()
     record = (s for s, _ in noisy_record(scene, seed, regime, impacts=ENDLESS_RECORD))
-    return _measure(DRIFT, scene, record, regime, impacts, width)
+    return _measure(DRIFT, scene, record, regime, impacts, width, longest)
 
 
 class SqrtLaw(NamedTuple):

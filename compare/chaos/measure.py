@@ -6,16 +6,18 @@ the moments: the exponents of such a skew product are those of the orbit togethe
 moments along it.  Only `published` feeds the shifts of its means back into the next impact.
 """
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike
 
 from rattle.closure import closures_for, mean_map
+from rattle.compare.chaos.effort import Effort, Sizes
 from rattle.compare.chaos.exponents import (
     Exponents,
     SqrtLaw,
@@ -29,6 +31,7 @@ from rattle.compare.chaos.section import Section, sections
 from rattle.compare.chaos.spectrum import Spectrum, spectra
 from rattle.compare.chaos.sweep import Bifurcation, bifurcation, sweep
 from rattle.compare.report.texts import read_texts
+from rattle.montecarlo.kernel.blocks import Budget
 from rattle.scene import Scene
 from rattle.scene.long_orbit import LongOrbit
 
@@ -112,18 +115,7 @@ class ChaosStudy:
     sweep: pd.DataFrame | None  # as of `sweep`
     view: Bifurcation | None  # over the same values
     missing: dict[str, str]  # what was left out, with the reason
-
-
-class Effort(NamedTuple):
-    """How much a study of chaos computes, and from which seed."""
-
-    points: int = 1_000_000  # of each Poincaré section
-    impacts: int = 200_000  # of the spectra
-    events: int = 4000  # pairs of paths
-    # required width of the interval of each largest exponent; wider ones are reported as they are
-    width: float = 0.01
-    seed: int = 0
-    workers: int = 2
+    reduced: str = ""  # what the budget has made smaller than asked for, as a sentence
 
 
 def study(
@@ -138,37 +130,67 @@ def study(
     sweep over a field.
 
     What its motion does not have, for instance because a mesh sticks in every period, is left out
-    with the reason.
+    with the reason.  What its budget does not allow is made smaller, by counted work.
 
     `scenes`: Those of the sweep by value of the field, as of `rattle.compare.chaos.sweep.vary`.
     `folder`: Where results of the sweep are stored: the same study continues there after an
     interruption.
     """
-    points, impacts, events, width, seed, workers = effort
+    width = effort.width
+    seed = effort.seed
+    workers = effort.workers
+    limit = Budget(effort.budget)
+    sizes = Sizes(effort, bool(scenes))
     missing: dict[str, str] = {}
-    law = sizes = swept = view = None
+    law = finite = swept = view = None
     progress("exponents")
-    orbit = lyapunov(scene, width=width)
-    drift = drift_exponents(scene, width=width, seed=seed)
+    longest = sizes.longest()
+    orbit = lyapunov(scene, width=width, longest=longest)
+    drift = drift_exponents(scene, width=width, longest=longest, seed=seed)
+    sizes.count_exponents(scene, orbit, drift)
     maps = mean_maps(scene, orbit)
     progress("Poincaré sections")
-    drawn = sections(scene, points=points, seed=seed, workers=workers, missing=missing)
+    drawn = sections(scene, points=sizes.points(), seed=seed, workers=workers, missing=missing)
     progress("spectra")
-    power = spectra(scene, impacts=impacts, seed=seed, workers=workers, missing=missing)
+    impacts, segments = sizes.spectra()
+    power = spectra(
+        scene, impacts=impacts, segments=segments, seed=seed, workers=workers, missing=missing
+    )
     progress("two paths on the same noise")
     if drift.regime.has_record:
+        events = sizes.events()
         with leave_out(missing, "the square-root law"):
             law = sqrt_law(scene, impacts=events, seed=seed)
-        sizes = finite_size(scene, events=events, seed=seed, workers=workers)
+        finite = finite_size(scene, events=events, seed=seed, workers=workers)
     else:  # two paths that stick are one from then on, and a rest has impacts without end
         apart = ("the square-root law", "the finite-size exponents")
         missing |= dict.fromkeys(apart, f"the noisy path {drift.regime.brief}")
     if scenes:
-        progress(f"exponents at {len(scenes)} values of {field}")
-        swept = sweep(scenes, field, width=width, seed=seed, workers=workers, folder=folder)
-        progress(f"bifurcation diagram at {len(scenes)} values of {field}")
+        chosen, longest = sizes.sweep(scenes)
+        guard = None if math.isinf(effort.budget) else limit
+        shared: dict[str, Any] = {
+            "seed": seed,
+            "workers": workers,
+            "folder": folder,
+            "limit": guard,
+        }
+        progress(f"exponents at {len(chosen)} values of {field}")
+        swept = sweep(chosen, field, width=width, longest=longest, **shared)
+        progress(f"bifurcation diagram at {len(chosen)} values of {field}")
         with leave_out(missing, "the bifurcation diagram"):
-            view = bifurcation(scenes, field, seed=seed, workers=workers, folder=folder)
+            view = bifurcation(chosen, field, **shared)
     return ChaosStudy(
-        scene, orbit, drift, maps, drawn, power, law, sizes, field, swept, view, missing
+        scene,
+        orbit,
+        drift,
+        maps,
+        drawn,
+        power,
+        law,
+        finite,
+        field,
+        swept,
+        view,
+        missing,
+        sizes.describe(),
     )

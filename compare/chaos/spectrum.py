@@ -171,6 +171,7 @@ def spectra(
     scene: Scene,
     *,
     impacts: int = 200_000,
+    segments: int = SEGMENTS,
     seed: int = 0,
     workers: int = 2,
     missing: dict[str, str] | None = None,
@@ -178,7 +179,9 @@ def spectra(
     """Estimate the spectra of the velocities of the orbit and of the noisy system.
 
     `impacts`: Impacts of the orbit; the noisy paths have at least as many together, and more where
-    they chatter. Returns: By side, kind and velocity (``y1, y2``).  `SEQUENCE` is the velocity
+    they chatter. `segments`: fewest of each noisy path, in time.
+
+    Returns: By side, kind and velocity (``y1, y2``).  `SEQUENCE` is the velocity
     before each impact, with frequencies in cycles per impact; `VELOCITY_IN_TIME` is the velocity in
     time, with frequencies in units of the excitation frequency. Without a side whose record is too
     short, because it sticks, or has no further impact.
@@ -199,7 +202,7 @@ def spectra(
             seed,
             regime,
             impacts=math.ceil(impacts / SPECTRUM_PATHS),
-            steps=SEGMENTS * SEGMENT[VELOCITY_IN_TIME],
+            steps=segments * SEGMENT[VELOCITY_IN_TIME],
             path=path,
             tangent=False,
         )

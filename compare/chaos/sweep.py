@@ -15,7 +15,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from rattle.closure import closures_for, mean_map
-from rattle.compare.chaos.exponents import drift_exponents, lyapunov
+from rattle.compare.chaos.exponents import LONGEST_RECORD, drift_exponents, lyapunov
 from rattle.compare.chaos.record import NoRecord, Regime, in_threads, noisy_record, orbit_record
 from rattle.compare.chaos.section import (
     NOISY,
@@ -25,9 +25,10 @@ from rattle.compare.chaos.section import (
     tabulate_cells,
 )
 from rattle.compare.engine.run import obtain_all
-from rattle.compare.engine.store import Cell
-from rattle.montecarlo.kernel.blocks import Blocks
+from rattle.compare.engine.store import Cell, Content
+from rattle.montecarlo.kernel.blocks import Blocks, Budget
 from rattle.montecarlo.long_run import AtRest, BurnInError, long_run
+from rattle.montecarlo.looks import order_ends_first
 from rattle.scene import Floats, InputError, Scene
 from rattle.scene.changes import change, find_value
 
@@ -91,12 +92,16 @@ class ExponentsAt(AtValue):
     group: ClassVar[str] = "exponents"
 
     width: float
+    longest: int  # impacts of a record
 
     def evaluate(self, blocks: Blocks | None = None) -> tuple[pd.DataFrame, dict[str, Any]]:
         """Measure them."""
         scene = self.scene
-        orbit = lyapunov(scene, width=self.width).table[:1]
-        drift = drift_exponents(scene, width=self.width, seed=self.seed).table[:1]
+        width = self.width
+        longest = self.longest
+        orbit = lyapunov(scene, width=width, longest=longest).table[:1]
+        path = drift_exponents(scene, width=width, longest=longest, seed=self.seed)
+        drift = path.table[:1]
         rows = [orbit, orbit.assign(of="mean map (corrected, saltation)"), drift]
         if scene.sigma > 0.0 and "published" in closures_for(scene):
             m = mean_map(scene, impacts=PUBLISHED_IMPACTS, closure="published")
@@ -143,22 +148,25 @@ def sweep(
     field: str = "alpha",
     *,
     width: float = 0.01,
+    longest: int = LONGEST_RECORD,
     seed: int = 0,
     workers: int = 2,
     folder: Path | None = None,
+    limit: Budget | None = None,
 ) -> pd.DataFrame:
     """Compute the largest exponent over a field: of the orbit, the mean maps, and the drift along a
     noisy path.
 
     `scenes`: As of `vary`. `width`: Required width of the interval of each largest exponent; wider
-    ones are reported as they are. `folder`: Where results are stored. Returns: Columns: the field,
-    ``of`` (the linearised system), ``largest, low, high`` (largest exponent and its 95 % interval;
-    NaN where there is no record), ``rate, sum_error, impacts`` as of `Exponents`, and ``regime,
-    reason`` as of `Regime`.
+    ones are reported as they are, as after `longest` impacts. `folder`: Where results are stored.
+    `limit`: Time after which no further value is begun, both ends first. Returns: Columns: the
+    field, ``of`` (the linearised system), ``largest, low, high`` (largest exponent and its 95 %
+    interval; NaN where there is no record), ``rate, sum_error, impacts`` as of `Exponents`, and
+    ``regime, reason`` as of `Regime`.
     """
-    cells = [ExponentsAt(scene, value, seed, width) for value, scene in scenes.items()]
-    tables = [content.table for content in obtain_all(cells, folder, workers)]
-    table: pd.DataFrame = pd.concat(tables, keys=scenes, names=[field]).reset_index(field)
+    cells = {at: ExponentsAt(scene, at, seed, width, longest) for at, scene in scenes.items()}
+    tables = {at: one.table for at, one in _obtain(cells, folder, workers, limit).items()}
+    table: pd.DataFrame = pd.concat(tables, names=[field]).reset_index(field)
     return table.reset_index(drop=True)
 
 
@@ -194,13 +202,16 @@ def bifurcation(
     seed: int = 0,
     workers: int = 2,
     folder: Path | None = None,
+    limit: Budget | None = None,
 ) -> Bifurcation:
     """Count the velocity y1 before the impacts of the orbit and of the noisy system at both meshes.
 
-    `scenes`: By value of the field, as of `vary`. `folder`: Where results are stored.
+    `scenes`: By value of the field, as of `vary`. `folder`: Where results are stored. `limit`: Time
+    after which no further value is begun, both ends first.
     """
-    cells = [VelocitiesAt(scene, value, seed, points) for value, scene in scenes.items()]
-    at = obtain_all(cells, folder, workers)
+    cells = {at: VelocitiesAt(scene, at, seed, points) for at, scene in scenes.items()}
+    done = _obtain(cells, folder, workers, limit)
+    at = list(done.values())
     velocities = np.concatenate([content.table["y1"] for content in at])
     if velocities.size == 0:
         raise NoRecord(f"the noisy path {at[0].facts['brief']}")
@@ -214,7 +225,24 @@ def bifurcation(
             [np.histogram(table["y1"][table["side"] == side], edges)[0] for table in tables]
         )
         reasons[side] = [content.facts["reasons"][side] for content in at]
-    return Bifurcation(field, np.array(list(scenes)), edges, counts, reasons, ("y1", "count"))
+    return Bifurcation(field, np.array(list(done)), edges, counts, reasons, ("y1", "count"))
+
+
+def _obtain(
+    cells: Mapping[float, Cell], folder: Path | None, workers: int, limit: Budget | None
+) -> dict[float, Content]:
+    """The results by value, in the order of the values; the ends are computed first, the others as
+    long as a budget allows."""
+    order = order_ends_first(list(cells))
+    contents: dict[float, Content] = {}
+    at_once = len(order) if limit is None else 2 * workers
+    for first in range(0, len(order), at_once):
+        if contents and limit is not None and limit.remaining <= 0.0:
+            break
+        part = order[first : first + at_once]
+        obtained = obtain_all([cells[at] for at in part], folder, workers)
+        contents |= zip(part, obtained, strict=True)
+    return {at: contents[at] for at in cells if at in contents}
 
 
 def stationary_bifurcation(

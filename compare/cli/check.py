@@ -252,7 +252,7 @@ def claims(
 
     Exit codes: 0 complete, whatever the verdicts; 2 bad input.
     """
-    from rattle.compare.chaos.measure import Effort
+    from rattle.compare.chaos.effort import Effort
     from rattle.compare.checks.claims.evidence import gather
     from rattle.compare.checks.claims.judges import judge
 

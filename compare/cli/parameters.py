@@ -27,7 +27,7 @@ ACCURACY_HELP = (
     "Half width of the widest 95 % interval of an effect of 1 %, at which it stops; exit 3 if it is"
     " given and not reached. [default: 0.001]"
 )
-BUDGET = (
+BUDGET_HELP = (
     "Processor seconds, all threads together; compiling, figures and the page are not counted."
     " What it does not allow is said."
 )
@@ -48,7 +48,7 @@ PARAMETER_BUDGET = 60.0
 @shared.SCHEDULER
 @shared.whole("impacts", 12, "Impacts that must be accurate.")
 @shared.real("width", "Every edge is known to ± this share.", 0.1)
-@shared.real("budget", f"{BUDGET} [default: {PARAMETER_BUDGET:g}; none with --and]")
+@shared.real("budget", f"{BUDGET_HELP} [default: {PARAMETER_BUDGET:g}; none with --and]")
 @shared.SEED_AND_WORKERS
 @shared.report("reports/NAME-boundary", "parameters.page", shared.JSON_ALONE)
 def boundary(
@@ -129,7 +129,7 @@ def boundary(
 @shared.whole("paths", 16_384, "Simulated paths beside a closure, for each change.")
 @shared.real("accuracy", ACCURACY_HELP)
 @shared.real("slow", "Speed below which an impact is slow.", 0.1)
-@shared.real("budget", BUDGET, PARAMETER_BUDGET)
+@shared.real("budget", BUDGET_HELP, PARAMETER_BUDGET)
 @shared.SEED_AND_WORKERS
 @shared.report("reports/NAME-sensitivity", "parameters.page", shared.JSON_ALONE)
 def sensitivity(

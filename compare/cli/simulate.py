@@ -46,6 +46,10 @@ BUDGET = (
 )
 BIFURCATION_POINTS = 24  # values of a bifurcation diagram, where a range does not say how many
 RUN_UP_POINTS = 12  # speeds of a run-up, likewise
+CHAOS_BUDGET_HELP = (
+    "Processor seconds of all, all threads together; compiling and figures are not counted. What"
+    " does not fit is made smaller, and said."
+)
 AN_HOUR = "an hour; beyond it the answer is what 20 s give"
 
 
@@ -346,6 +350,7 @@ def run_up(
 @shared.whole("points", 1_000_000, "Points of each Poincare section.")
 @shared.whole("impacts", 200_000, "Impacts of the spectra.")
 @shared.whole("events", 4000, "Pairs of paths behind each figure.")
+@shared.real("budget", CHAOS_BUDGET_HELP, 60.0)
 @shared.SEED_AND_WORKERS
 @shared.report("reports/NAME-chaos", "chaos.page")
 def chaos(
@@ -359,7 +364,8 @@ def chaos(
 
     Exit codes: 0 complete; 2 bad input.
     """
-    from rattle.compare.chaos.measure import Effort, study
+    from rattle.compare.chaos.effort import Effort
+    from rattle.compare.chaos.measure import study
     from rattle.compare.chaos.sweep import paper_noise, vary
 
     field = over.name
@@ -367,6 +373,7 @@ def chaos(
     noise = paper_noise if field == "alpha" and not keep_sigma else None
     scenes = vary(base, field, at, noise) if noise else vary(base, field, at)
     positive("width", settings["width"])
+    positive("budget", settings["budget"])
     shared.check_counts(settings, points=100, impacts=20_000, events=128, workers=1)
     results = begin()
     effort = Effort(**shared.pick(settings, *Effort._fields))

@@ -42,6 +42,14 @@ VALIDITY = (
     "Noise intensities of the figure that opens the report, evenly spaced in their logarithm."
 )
 VALIDITY_POINTS = 12
+TRADEOFF_HELP = (
+    "Core-seconds of counted work of all. A point may take a fourth; costlier ones are"
+    " extrapolated."
+)
+VALIDATION_BUDGET = (
+    "Core-seconds of counted work: the scene's own noise first, in any case, then as much of that"
+    " figure as is left for."
+)
 PAPER_SIGMAS = (0.01, 0.1, PAPER_SIGMA)
 """Noise intensities of the default report on DAT21: two small ones, and the paper's sqrt(alpha)."""
 
@@ -61,7 +69,7 @@ PAPER_SIGMAS = (0.01, 0.1, PAPER_SIGMA)
 @shared.SEED_AND_WORKERS
 @shared.over(VALIDITY, "sigma=1e-3:2:12", only="sigma")
 @shared.whole("validity-paths", 40_000, "Simulated paths of each of these.")
-@shared.real("budget", "Core-seconds of counted work for that figure.", 60.0)
+@shared.real("budget", VALIDATION_BUDGET, 60.0)
 @click.option("--no-validity", is_flag=True, help="Leave that figure out.")
 @shared.folder_options("reports/NAME")
 @click.option("--repeat", type=shared.FILE_PATH, help="Repeat the run of a manifest.json.")
@@ -192,9 +200,7 @@ def _exit(run: "ReportRun", repeated: "Repeat | None", must_be_accurate: bool) -
 @shared.several(
     "accuracy", "accuracies", float, "Error in sds; repeatable. [default: 0.3 to 0.001]"
 )
-@shared.real(
-    "budget", "Core-seconds up to which a point is run; costlier ones are extrapolated.", 100.0
-)
+@shared.real("budget", TRADEOFF_HELP, 400.0)
 @shared.SEED_OPTION
 @click.option(
     "--orders/--no-orders",

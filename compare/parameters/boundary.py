@@ -22,10 +22,11 @@ from rattle.compare.report.json_text import json_digest
 from rattle.compare.study.cells import Sample
 from rattle.compare.study.estimate import expect_work
 from rattle.compare.study.parameters import Parameter, find_parameter, find_range
-from rattle.montecarlo.kernel.blocks import Budget, BudgetEnded
+from rattle.montecarlo.kernel.blocks import Budget
 from rattle.montecarlo.looks import BUDGET_ENDED, begin_budget
 from rattle.montecarlo.seed import Rng, read_whole_seed
 from rattle.scene import InputError, Scene, check_scene, count, positive
+from rattle.scene.errors import BudgetEnded
 from rattle.scene.numpy_errors import numpy_defaults
 from rattle.scene.progress import ProgressBar
 

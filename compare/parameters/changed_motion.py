@@ -16,7 +16,7 @@ from rattle.montecarlo.kernel.blocks import Budget
 from rattle.montecarlo.long_run import AtRest
 from rattle.montecarlo.long_run.estimates import estimates
 from rattle.montecarlo.long_run.paths import LongPaths, warm_up
-from rattle.montecarlo.long_run.run import LEAST_IMPACTS, drift, settle
+from rattle.montecarlo.long_run.run import LEAST_IMPACTS, apart, drift, settle
 from rattle.montecarlo.long_run.sums import NUMBER, Collected, Scales, scales_of_pilot
 from rattle.montecarlo.settings import is_random
 from rattle.scene import Floats, InputError, Scene
@@ -24,11 +24,12 @@ from rattle.scene.changes import same_speed
 from rattle.scene.progress import ProgressBar
 
 PATHS_OF_A_GROUP = 2  # the fewest of which a quantity has a value
-GROUPS = (16, 8, 4)
+GROUP_NUMBERS = (16, 8, 4)
 """Independent groups, as many as the budget allows: Student's t with three degrees of freedom is
 half as wide again as with fifteen."""
 TEST_PERIODS = 16  # of the unchanged scene; those of their last half set the scales for all scenes
 PROBED_PERIODS = 2
+QUIET_SECONDS = 2e-6  # nominal processor time of a period of a path without impacts: its steps
 MEMORIES = (1, 2, 4)
 """Periods after which the paths may have forgotten their start."""
 
@@ -110,6 +111,8 @@ class Shared:
         impacts = float(main[:, late, NUMBER].sum()) / len(main)
         if main.shape[1] < TEST_PERIODS or impacts < LEAST_IMPACTS:
             return 0
+        if not (self.base.are_sets or apart(main, late).reached):
+            return 0
         forgotten = (k for k in MEMORIES if drift(main, slice(k, 2 * k), late).reached)
         return next(forgotten, 0)
 
@@ -118,13 +121,13 @@ def count_work(scene: Scene, slow: float) -> float:
     """Nominal processor time of a period of one path, from the impacts of a few paths."""
     warm_up(scene, slow)
     with ThreadPoolExecutor(1) as pool, ProgressBar() as bar:
-        few = GROUPS[-1]
+        few = GROUP_NUMBERS[-1]
         seed = np.random.SeedSequence(0)
         paths = LongPaths(scene, few, seed, slow, Budget(math.inf), pool, bar)
         paths.follow(PROBED_PERIODS)
         paths.begin()
         paths.follow(PROBED_PERIODS)
-        return paths.nominal / few
+        return max(paths.nominal / few, QUIET_SECONDS)
 
 
 class ChangedMotion:
@@ -211,8 +214,8 @@ class ChangedMotion:
         if periods != self.periods:
             assert self._paths is not None
             parts = _split(self._paths.collect(), groups)
-            found = [estimates(part, tuple(names)) for part in parts]
-            values = [[of[n].value if n in of else 0.0 for n in names] for of in found]
+            estimated = [estimates(part, tuple(names)) for part in parts]
+            values = [[of[n].value if n in of else 0.0 for n in names] for of in estimated]
             with np.errstate(divide="ignore"):
                 logs = np.log(values) + self._units(names)
             self._logs = self.periods, logs

@@ -26,7 +26,7 @@ from rattle.compare.parameters.search import (
 )
 from rattle.compare.stationary.result import unit_of
 from rattle.compare.stationary.study import LongCell, LongResult
-from rattle.montecarlo.kernel.blocks import Budget, BudgetEnded
+from rattle.montecarlo.kernel.blocks import Budget
 from rattle.montecarlo.long_run import expect_run
 from rattle.montecarlo.long_run.estimates import all_names, most_unseen
 from rattle.montecarlo.looks import BUDGET_ENDED, Looks
@@ -34,6 +34,7 @@ from rattle.montecarlo.seed import Rng, read_whole_seed
 from rattle.montecarlo.statistics.intervals import half_width, tail_of
 from rattle.scene import InputError, Scene, choice, positive
 from rattle.scene.changes import same_speed
+from rattle.scene.errors import BudgetEnded
 from rattle.scene.numpy_errors import numpy_defaults
 from rattle.scene.progress import ProgressBar, do
 
@@ -41,7 +42,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 CROSSING_PATHS = 64  # of each long run but the first, which is shorter
-FIRST_PERIODS = 64
+FIRST_LENGTH = 64
 PATH_PERIODS_OF_LOOKS = (1024, 4096, 16_384, 65_536, 262_144)
 """Periods of all paths together after which a value is judged."""
 TAIL = tail_of(len(PATH_PERIODS_OF_LOOKS) * MOST_VALUES)
@@ -241,7 +242,7 @@ def crossing(
         with suppress(InputError):  # it cannot be simulated, which the search says of its value
             first = parameter.scene_at(low)
             least, most = PATH_PERIODS_OF_LOOKS[0], PATH_PERIODS_OF_LOOKS[-1]
-            expected = expect_run(first, least // FIRST_PERIODS, FIRST_PERIODS, slow=slow)
+            expected = expect_run(first, least // FIRST_LENGTH, FIRST_LENGTH, slow=slow)
             seconds = expected.core_seconds
             state_effort(progress, over, points, seconds, seconds * most / least)
     store = open_store(folder)
@@ -290,7 +291,7 @@ def judge_level(
     side = SideOfLevel(value, Verdict.UNDECIDED)
     looks = Looks(PATH_PERIODS_OF_LOOKS, budget=time_left, share=LOOK_SHARE)
     for size in looks:
-        paths = min(size // FIRST_PERIODS, CROSSING_PATHS)
+        paths = min(size // FIRST_LENGTH, CROSSING_PATHS)
         periods = size // paths
         try:
             result = run(paths, periods)

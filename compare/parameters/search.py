@@ -20,9 +20,9 @@ from rattle.compare.parameters.finding import by_error
 from rattle.compare.validation.errors import list_errors
 from rattle.montecarlo.diagnostics.reference import Simulated
 from rattle.montecarlo.kernel.blocks import Budget
-from rattle.montecarlo.looks import BUDGET_ENDED, Looks
+from rattle.montecarlo.looks import BUDGET_ENDED, Looks, order_ends_first
 from rattle.montecarlo.statistics.intervals import widest
-from rattle.scene import SECTION, Floats, Scene, duration_text
+from rattle.scene import SECTION, Scene, duration_text
 from rattle.scene.progress import ESTIMATES
 
 PATHS_OF_LOOKS = (4096, 16384, 65536, 262_144, 1_048_576)
@@ -213,7 +213,7 @@ def find_changes(
                 bad = judged
         return good, bad
 
-    scan = sorted(map_scan(at, order_ends_first(np.geomspace(low, high, points))))
+    scan = sorted(map_scan(at, order_ends_first(np.geomspace(low, high, points).tolist())))
     decided = [point for point in scan if point.verdict != Verdict.UNDECIDED]
     changes = [
         narrow(a, b) if a.verdict == first else narrow(b, a)
@@ -221,13 +221,3 @@ def find_changes(
         if a.verdict != b.verdict
     ]
     return changes, pd.DataFrame(sorted(known.values())).astype({"verdict": str})
-
-
-def order_ends_first(values: Floats) -> list[float]:
-    """Values such that what a budget leaves out is spread evenly: both ends, then the middle of the
-    widest gap."""
-    order = [0, len(values) - 1]
-    while len(order) < len(values):
-        gaps = [(b - a, a + b) for a, b in pairwise(sorted(order))]
-        order.append(max(gaps)[1] // 2)
-    return [float(values[k]) for k in order]

@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 
 from rattle.compare.parameters.changed_motion import (
-    GROUPS,
+    GROUP_NUMBERS,
     PATHS_OF_A_GROUP,
     ChangedMotion,
     Shared,
@@ -54,15 +54,16 @@ EFFECT_ACCURACY = 0.001
 SENSITIVITY_BUDGET = 60.0  # core-seconds, by default
 BENT_SHARE = 0.1  # share of an effect by which the two steps must differ to call it not linear
 # of the budget that may be planned for by counted work; the rest is for what nobody counts
-COUNTED_SHARE = 0.8
+PLANNED_SHARE = 0.8
 # of what is planned, for a first look at all parameters; the rest goes where intervals are wide
 FIRST_SHARE = 0.6
 # periods after the burn-in at which all parameters are looked at first, at the least and at the
 # most, and those after which none is followed further
-FEWEST_PERIODS = 2
+SHORTEST_PERIODS = 2
 WANTED_PERIODS = 6
-FIRST_PERIODS = 64
+FIRST_LOOK_PERIODS = 64
 LONGEST_PERIODS = 4096
+PERIODS_OF_BURN_IN = 4  # of the first look, for each period of burn-in at the least
 SETTLE_PERIODS = 24  # of the unchanged motion: its burn-in, and what follows
 ESTIMATE_SECONDS = 0.0025  # nominal, of the quantities of a group
 
@@ -270,15 +271,16 @@ def sensitivity(
             motions[name] = [ChangedMotion(one, name, factor) for factor, one in scenes.items()]
         except InputError as error:
             remarks[name] = f"cannot be changed by {RELATIVE_CHANGES[1]:.0%}: {error}"
-    bar = ProgressBar(label=progress, unit="period")
-    with ThreadPoolExecutor(workers) as pool, ThreadPoolExecutor(workers) as inner, bar:
-        search = _Search(scene, motions, asked, slow, seed, limit, pool, inner, bar, progress)
-        search.look_first()
-        while True:
-            table = search.find_effects(chosen, remarks)
-            widest = (0.5 * (table["high"] - table["low"])).groupby(table["parameter"]).max()
-            if not search.refine(widest[widest > accuracy]):
-                break
+    search = _Search(scene, motions, asked, slow, limit)
+    with ThreadPoolExecutor(workers) as pool, ThreadPoolExecutor(workers) as inner:
+        search.plan(pool, progress)
+        with ProgressBar(label=progress, unit="period") as bar:
+            search.begin(seed, pool, inner, bar)
+            while True:
+                table = search.find_effects(chosen, remarks)
+                widest = (0.5 * (table["high"] - table["low"])).groupby(table["parameter"]).max()
+                if not search.refine(widest[widest > accuracy]):
+                    break
     half = float(widest.max())
     reached = not ((widest > accuracy).any() or search.left_out)
     said = search.describe(half, accuracy, reached)
@@ -299,66 +301,78 @@ class _Search:
         motions: dict[str, list[ChangedMotion]],
         asked: list[str],
         slow: float,
-        seed: int,
         limit: Budget,
-        pool: ThreadPoolExecutor,
-        inner: ThreadPoolExecutor,
-        bar: ProgressBar,
-        progress: str | None,
     ) -> None:
         self.motions = motions
         self.asked = asked
         self.base = ChangedMotion(scene)
+        self.groups = GROUP_NUMBERS[0]
         self.left_out: list[str] = []
+        self._slow = slow
         self._limit = limit
-        self._pool = pool
-        self._bar = bar
-        self._planned = COUNTED_SHARE * limit.seconds  # core-seconds that are left to plan
+        self._planned = PLANNED_SHARE * limit.seconds  # core-seconds that are left to plan
+        self._work = 0.0  # core-seconds of a period of a group
         self._shared: Shared | None = None
-        changed = [motion for four in motions.values() for motion in four]
-        self.groups = GROUPS[0]
+
+    def plan(self, pool: ThreadPoolExecutor, label: str | None) -> None:
+        """Find what is exact, or choose the number of groups, and state what is expected."""
+        scene = self.base.scene
+        slow = self._slow
+        changed = [motion for four in self.motions.values() for motion in four]
         if self.base.find_exact(slow):
             list(pool.map(lambda one: one.find_exact(same_speed(slow, scene, one.scene)), changed))
             return
         do("sensitivity: timing a few paths")
-        with limit.pause():
-            self._work = PATHS_OF_A_GROUP * count_work(scene, slow)  # of a period of a group
-        least = len(changed) * WANTED_PERIODS + SETTLE_PERIODS
-        fitting = [n for n in GROUPS if n * self._work * least <= FIRST_SHARE * self._planned]
-        self.groups = max(fitting, default=GROUPS[-1])
-        if progress:
-            self._state_estimate(progress, len(changed))
-        do("sensitivity: the motion as it is")
-        self._shared = Shared(scene, slow, seed, self.groups, limit, inner, bar)
-        self._planned -= self.groups * self._work * self._shared.base.elapsed
-
-    def _state_estimate(self, label: str, changed: int) -> None:
-        """State how many motions are followed, and what they may take at the most."""
-        limit = "no limit"
+        with self._limit.pause():
+            self._work = PATHS_OF_A_GROUP * count_work(scene, slow)
+        periods = len(changed) * WANTED_PERIODS + SETTLE_PERIODS
+        room = FIRST_SHARE * self._planned
+        fitting = [n for n in GROUP_NUMBERS if n * self._work * periods <= room]
+        self.groups = max(fitting, default=GROUP_NUMBERS[-1])
+        if not label:
+            return
+        most = ""
         if math.isfinite(self._limit.seconds):
-            limit = f"at most {duration_text(self._limit.seconds)} of processor time"
+            most = f", {duration_text(self._limit.seconds)} at the most"
+        least = min(self.groups * self._work * periods, self._limit.seconds)
+        time = f"about {duration_text(least, 2)} of processor time at the least{most}"
         paths = PATHS_OF_A_GROUP * self.groups
-        ESTIMATES.info("%s", f"{label}: {changed + 1} motions of {paths} paths each, {limit}")
+        ESTIMATES.info("%s", f"{label}: {len(changed) + 1} motions of {paths} paths each, {time}")
 
     def _cost(self, periods: float) -> float:
         """Counted core-seconds of so many periods of the motions of a parameter."""
         return 2 * len(RELATIVE_CHANGES) * self.groups * (self._work * periods + ESTIMATE_SECONDS)
 
-    def look_first(self) -> None:
+    def begin(
+        self, seed: int, pool: ThreadPoolExecutor, inner: ThreadPoolExecutor, bar: ProgressBar
+    ) -> None:
         """Follow all motions equally far, or as many of them as the budget allows."""
-        if self._shared is None:
+        if not self._work:
             return
-        burn_in = self._shared.burn_in
+        do("sensitivity: the motion as it is")
+        scene = self.base.scene
+        shared = Shared(scene, self._slow, seed, self.groups, self._limit, inner, bar)
+        self._shared = shared
+        self._pool = pool
+        self._bar = bar
+        self._planned -= self.groups * self._work * shared.base.elapsed
+        least = shared.burn_in
         room = FIRST_SHARE * self._planned / max(len(self.motions), 1)
-        periods = FIRST_PERIODS
-        while periods > FEWEST_PERIODS and self._cost(burn_in + periods) > room:
+        periods = FIRST_LOOK_PERIODS
+        while True:
+            # an effect takes as long to develop as the start takes to be forgotten, which the test
+            # of the burn-in cannot see where all motions begin alike
+            burn_in = max(least, periods // PERIODS_OF_BURN_IN)
+            if periods <= SHORTEST_PERIODS or self._cost(burn_in + periods) <= room:
+                break
             periods -= 1
+        shared.burn_in = burn_in
         affordable = max(self._planned / self._cost(burn_in + periods), 1.0)
         names = list(self.motions)
         if affordable < len(names):
             self.left_out = names[int(affordable) :]
             names = names[: int(affordable)]
-        self.base.follow(self._shared, periods)
+        self.base.follow(shared, periods)
         self._follow(dict.fromkeys(names, periods), burn_in)
 
     def refine(self, wide: pd.Series) -> bool:

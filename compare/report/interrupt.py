@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from traceback import walk_stack
 from types import FrameType
 
-from rattle.montecarlo.kernel.blocks import BudgetEnded
+from rattle.scene.errors import BudgetEnded
 from rattle.scene.progress import is_drawn
 
 EXIT_INTERRUPTED = 130

@@ -29,11 +29,12 @@ from rattle.compare.stationary.verdicts import (
 from rattle.compare.study.design import Study, list_reasons, with_coordinates
 from rattle.compare.study.figures import label_field, panels
 from rattle.compare.study.folder import Drawing
-from rattle.montecarlo.kernel.blocks import Blocks, Budget, BudgetEnded
+from rattle.montecarlo.kernel.blocks import Blocks, Budget
 from rattle.montecarlo.long_run.paths import IMPACT_SECONDS
 from rattle.montecarlo.long_run.run import LONG_RUN_ACCURACY, LONG_RUN_PATHS, check_long_run
 from rattle.scene import InputError, Scene
 from rattle.scene.changes import same_speed, unit_of_value
+from rattle.scene.errors import BudgetEnded
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -50,7 +51,7 @@ PAGE = "rattle.compare.stationary.study"
 TEMPLATE = "stationary/study.j2"
 WORDS = (*CLOSURE_TERMS, *VERDICT_TERMS, "exact flight", "σ", "ε", "orbit")
 MAIN_QUANTITIES = ("rate", "speed", "energy_per_period", "slow_share")  # those of the page
-LEAST_SECONDS = 1e-3  # of a budget; what is spent already leaves none
+LEAST_LIMIT = 1e-3  # of a budget; what is spent already leaves none
 PHYSICAL_QUANTITIES = ("rate_above", "speed_above", "power", "slow_share")  # in physical units
 TYPICAL_SPREAD = 2.0  # typical sd over mean of what is averaged, with its autocorrelation
 
@@ -116,7 +117,7 @@ class LongCell(Cell):
         """Follow the long run; raises BudgetEnded if it does not fit the budget."""
         budget = None
         if self.limit is not None and math.isfinite(self.limit.seconds):
-            budget = max(self.limit.remaining, LEAST_SECONDS)
+            budget = max(self.limit.remaining, LEAST_LIMIT)
         asked = self.asked | {"closures": self.closures, "budget": budget}
         try:
             result = stationary(self.scene.phase_reduced, **asked, rng=self.seed)

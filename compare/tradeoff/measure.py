@@ -21,19 +21,30 @@ import pandas as pd
 from rattle.closure import closures_for, mean_map
 from rattle.closure.mean_map import closure_seconds
 from rattle.compare.tradeoff.multilevel import (
+    LEVEL_PATHS,
+    LEVEL_TIMINGS,
     MEASURED_SIGMAS,
     Levels,
     control_table,
+    level_steps,
     measure_levels,
     time_run,
 )
-from rattle.compare.tradeoff.weak_order import WeakOrders, orders_over
+from rattle.compare.tradeoff.weak_order import (
+    ORDER_IMPACTS,
+    ORDER_PATHS,
+    REPLICATES,
+    STEP_PAIRS,
+    WeakOrders,
+    orders_over,
+)
 from rattle.montecarlo import SCHEMES, AccuracyWarning, Ensemble, Record, simulate, simulate_to
 from rattle.montecarlo.accuracy.cost import cost_of, count_to, step_error
 from rattle.montecarlo.accuracy.pilots import PilotRun, pilot, sample_branches
 from rattle.montecarlo.diagnostics.accuracy import FEWEST_PATHS, sampling_error, units
 from rattle.montecarlo.ensemble.simulate_rare import begin_rare
-from rattle.montecarlo.kernel.blocks import in_threads
+from rattle.montecarlo.kernel.blocks import Budget, in_threads
+from rattle.montecarlo.looks import CountedWork
 from rattle.montecarlo.statistics.intervals import widest
 from rattle.scene import SECTION, Floats, Scene, positive
 from rattle.scene.progress import ProgressBar
@@ -99,14 +110,16 @@ class CostModel:
     shared: Ensemble | None = None
 
     @classmethod
-    def from_pilots(cls, scene: Scene, scheme: str, again: Callable[..., Ensemble]) -> "CostModel":
+    def from_pilots(
+        cls, scene: Scene, scheme: str, again: Callable[..., Ensemble], timings: int
+    ) -> "CostModel":
         """Fit the model to pilot runs: one for a scheme without step bias, else a second one with a
         shorter step."""
-        first, seconds = _least(partial(pilot, scene, scheme, again))
+        first, seconds = _least(partial(pilot, scene, scheme, again), timings)
         if not SCHEMES[scheme].has_step_bias:
             return cls(scheme, first, 0.0, seconds / first.path_steps, seconds, 0.0, first)
         longer = partial(again, paths=first.paths, scheme=scheme, dt=first.dt / PILOT_STEP_RATIO)
-        finer, more = _least(partial(longer, record=Record(step_bias=True)))
+        finer, more = _least(partial(longer, record=Record(step_bias=True)), timings)
         step = (more - seconds) / (finer.path_steps - first.path_steps)
         path = max(0.0, seconds - step * first.path_steps) / first.paths
         model = cls(scheme, first, path, step, seconds, step_error(first)[0] / first.dt, first)
@@ -172,15 +185,16 @@ class CostModel:
         return self.path_seconds * share + self.step_seconds * steps
 
 
-def _least(call: Callable[[], T]) -> tuple[T, float]:
+def _least(call: Callable[[], T], timings: int) -> tuple[T, float]:
     """The result of a call and the shortest of several timings, after a first call that
     compiles."""
-    return call(), min(time_run(call)[1] for _ in range(TIMINGS))
+    return call(), min(time_run(call)[1] for _ in range(timings))
 
 
 ACCURACIES = (0.3, 0.1, 0.03, 0.01, 0.003, 0.001)
 # wall time allowed for a point over its processor time, as other processes may occupy the cores
 BUSY = 10.0
+LEAST_SECONDS = 1e-3  # of a budget; what is spent already leaves none
 HAND_TUNED_NS = 10.7
 """Nanoseconds of a path-step of plain Euler-Maruyama in hand-tuned numba code, on the machine of
 the README."""
@@ -198,6 +212,7 @@ class Tradeoff:
     # what the control variate is worth, see `control_table`; empty for noise with memory
     control: pd.DataFrame
     orders: WeakOrders | None  # measured weak orders, if asked for
+    reduced: str = ""  # what the budget has made smaller, as a sentence
 
 
 def check_accuracies(accuracies: Sequence[float]) -> tuple[float, ...]:
@@ -205,10 +220,62 @@ def check_accuracies(accuracies: Sequence[float]) -> tuple[float, ...]:
     return tuple(sorted({positive("accuracy", a) for a in accuracies}, reverse=True))
 
 
+# of the budget: the most that a point may take, and all points together
+POINT_SHARE = 0.25
+POINTS_SHARE = 0.7
+# of the budget: the levels of both schemes, the table of the control variate, and the weak orders
+LEVELS_SHARE = 0.1
+CONTROL_SHARE = 0.05
+ORDERS_SHARE = 0.15
+FEWEST_SHARED = 1024  # paths of a run of these, which the budget makes smaller
+FIXED_SECONDS = 4.0  # of pilot runs, closures and the smallest tables
+RUN_SECONDS = 0.03  # of a run besides its paths: its plan and its tables
+SECONDS_OF_A_TIMING = 20.0  # of the budget for each time that something is timed
+CONTROL_RUNS = 1 + 2 * LEVEL_TIMINGS  # of each noise intensity
+
+
+class Allowance(CountedWork):
+    """What is left of the budget for the points, which come first; the tables have shares of their
+    own."""
+
+    def __init__(self, budget: float) -> None:
+        super().__init__(max(budget, LEAST_SECONDS), POINTS_SHARE)
+        self.left -= POINTS_SHARE * min(FIXED_SECONDS, budget)
+        self.limit = Budget(budget)
+
+    @property
+    def of_point(self) -> float:
+        """Core-seconds that the next point may take."""
+        return min(POINT_SHARE * self.budget, self.left)
+
+    @property
+    def timings(self) -> int:
+        """How often what is timed is repeated."""
+        return max(1, min(TIMINGS, int(self.budget / SECONDS_OF_A_TIMING)))
+
+    @property
+    def remaining(self) -> float:
+        """Seconds after which a run is ended that takes longer than was counted."""
+        return max(min(BUSY * self.budget, self.limit.remaining), LEAST_SECONDS)
+
+    def scale(self, what: str, share: float, paths: int, work: float, runs: int) -> int:
+        """Paths of each of some runs, which all together are expected to take so much work; 0 where
+        there is no room for the runs themselves."""
+        room = share * self.budget - runs * RUN_SECONDS
+        if room <= 0.0:
+            self.reduced.append(f"no {what}")
+            return 0
+        points = self.left
+        number = self.fit(f"paths for {what}", paths, FEWEST_SHARED, work / paths, room)
+        self.left = points
+        return number
+
+
 def _measure_point(
-    model: CostModel, accuracy: float, budget: float, asked: Callable[..., Ensemble]
+    model: CostModel, accuracy: float, allowance: Allowance, asked: Callable[..., Ensemble]
 ) -> tuple[CostPoint, Ensemble | None]:
     """The point of a scheme at an accuracy, with its run if it was measured."""
+    budget = allowance.of_point
     point = model.at(accuracy)
     if point.work > budget and not model.bias:  # as a run to that accuracy would go on
         begin = partial(begin_rare, model.best, FEWEST_PATHS, in_threads(1))
@@ -220,8 +287,9 @@ def _measure_point(
         # a run that misses it is replaced by the model
         warnings.simplefilter("ignore", AccuracyWarning)
         run, seconds = time_run(
-            partial(asked, accuracy=accuracy, scheme=model.scheme, budget=BUSY * budget)
+            partial(asked, accuracy=accuracy, scheme=model.scheme, budget=allowance.remaining)
         )
+    allowance.left -= point.work
     model.learn(run)
     reach = run.reach
     assert reach is not None
@@ -266,13 +334,17 @@ def _errors(section: pd.DataFrame, reference: Ensemble) -> Floats:
     return np.abs(_in_sds(aligned - reference.section, reference))
 
 
-def closure_points(scene: Scene, impacts: int, reference: Ensemble) -> Iterator[CostPoint]:
+def closure_points(
+    scene: Scene, impacts: int, reference: Ensemble, timings: int = TIMINGS
+) -> Iterator[CostPoint]:
     """Worst and median error of every closure that can be applied to the scene, and its time."""
     closures = closures_for(scene)
     z = widest(len(_moments(scene)) * impacts * len(closures))
     half = z * _in_sds(reference.section, reference, "se_")
     for closure in closures:
-        prediction, seconds = _least(partial(mean_map, scene, impacts=impacts, closure=closure))
+        prediction, seconds = _least(
+            partial(mean_map, scene, impacts=impacts, closure=closure), timings
+        )
         error = _errors(prediction.section, reference)
         seen = np.isfinite(error)
         error = error[seen]
@@ -382,8 +454,9 @@ def measure(
     The cost of multilevel estimators is estimated from runs at halved steps.  Closures are compared
     with the run of exact flights that has most paths.
 
-    `orders`: Whether to measure the weak orders of the schemes too, at the noise of the scene and
-    of the paper.
+    `budget`: Core-seconds of counted work of all: points that do not fit are extrapolated, and the
+    other tables rest on fewer paths. `orders`: Whether to measure the weak orders of the schemes
+    too, at the noise of the scene and of the paper.
     """
     scene = base.phase_reduced  # so that a late start loses no digits of the times
     again, asked = (
@@ -391,38 +464,66 @@ def measure(
         for run in (simulate, simulate_to)
     )
     models: dict[str, CostModel] = {}
+    allowance = Allowance(budget)
     runs: dict[str, list[tuple[CostPoint, Ensemble | None]]] = {scheme: [] for scheme in SCHEMES}
     exact, *euler = sorted(SCHEMES, key=lambda name: SCHEMES[name].has_step_bias)
     with ProgressBar(label="accuracy", total=len(SCHEMES) * len(accuracies), unit="point") as bar:
         for scheme in (exact, *euler):
-            model = models[scheme] = CostModel.from_pilots(scene, scheme, again)
+            model = models[scheme] = CostModel.from_pilots(scene, scheme, again, allowance.timings)
             model.shared = find_plain(
                 [models[exact].first, *(run for _, run in runs[exact] if run)]
             )
             for accuracy in accuracies:
                 bar.set_postfix_str(f"{scheme}, {accuracy:g}")
-                runs[scheme].append(_measure_point(model, accuracy, budget, asked))
+                runs[scheme].append(_measure_point(model, accuracy, allowance, asked))
                 bar.update()
     reference = models[exact].best
-    levels = {
-        scheme: measure_levels(scene, scheme, impacts=impacts, seed=seed, workers=workers)
-        for scheme in euler
-    }
+    firsts = {scheme: model.first for scheme, model in models.items()}
+    steps = {scheme: level_steps(scene, scheme) for scheme in euler}
+    work = sum(cost_of(firsts[s], LEVEL_PATHS, dt).core_seconds for s in euler for dt in steps[s])
+    number = allowance.scale("the levels", LEVELS_SHARE, LEVEL_PATHS, work, 0)
+    shared = {"impacts": impacts, "seed": seed, "workers": workers}
+    levels = {scheme: measure_levels(scene, scheme, **shared, paths=number) for scheme in euler}
     points = []
     for scheme in SCHEMES:
         for point, run in runs[scheme]:
             point = point._replace(rows=len(_moments(scene)) * impacts)
             points += _compare(point, run, models[scheme], reference)
     points += multilevel_points(levels, accuracies, scene, impacts)
-    points += closure_points(scene, impacts, reference)
+    points += closure_points(scene, impacts, reference, allowance.timings)
     noises = () if base.correlation_time else MEASURED_SIGMAS
-    sigmas = sorted({base.sigma, base.alpha**0.5})  # its own, and the paper's
+    work = len(noises) * CONTROL_RUNS * cost_of(firsts[exact], LEVEL_PATHS).core_seconds
+    number = allowance.scale("the control variate", CONTROL_SHARE, LEVEL_PATHS, work, 0)
+    control = control_table(base, **shared, sigmas=noises, paths=number)
+    measured = None
+    if orders:
+        measured = _measure_orders(base, firsts, euler, allowance, seed, workers)
     return Tradeoff(
         pd.DataFrame(points, columns=list(CostPoint._fields)),
         accuracies,
         {name: models[name] for name in SCHEMES},
         levels,
         reference,
-        control_table(base, impacts=impacts, seed=seed, workers=workers, sigmas=noises),
-        orders_over(base, sigmas, rng=seed, workers=workers) if orders else None,
+        control,
+        measured,
+        allowance.describe(),
     )
+
+
+def _measure_orders(
+    base: Scene,
+    firsts: dict[str, Ensemble],
+    euler: Sequence[str],
+    allowance: Allowance,
+    seed: int,
+    workers: int,
+) -> WeakOrders | None:
+    """The weak orders at the scene's own noise and the paper's, from as many paths as fit."""
+    sigmas = sorted({base.sigma, base.alpha**0.5})
+    paths = ORDER_PATHS * REPLICATES * len(sigmas)
+    runs = [(firsts[scheme], 0.5 * step) for scheme in euler for step in STEP_PAIRS]
+    work = sum(cost_of(run, paths, dt).core_seconds / run.impacts for run, dt in runs)
+    number = allowance.scale(
+        "weak orders", ORDERS_SHARE, ORDER_PATHS, ORDER_IMPACTS * work, REPLICATES * len(runs)
+    )
+    return orders_over(base, sigmas, paths=number, rng=seed, workers=workers) if number else None

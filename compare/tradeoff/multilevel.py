@@ -145,13 +145,20 @@ def giles_cost(variance: Floats, seconds: Floats, accuracy: float) -> float:
     return round(float((np.sqrt(variance * seconds).sum() / accuracy) ** 2), 12)
 
 
-def measure_levels(scene: Scene, scheme: str, *, impacts: int, seed: int, workers: int) -> Levels:
-    """Run every level with its own random numbers, and tabulate the level differences."""
+def level_steps(scene: Scene, scheme: str) -> list[float]:
+    """The step of every level."""
     longest = 0.99 * largest_step(scene, scheme)[0] / 2 ** (SIDE_BY_SIDE - 1)
+    return [min(COARSEST_STEP, longest) / 2**level for level in range(MULTILEVELS)]
+
+
+def measure_levels(
+    scene: Scene, scheme: str, *, impacts: int, seed: int, workers: int, paths: int = LEVEL_PATHS
+) -> Levels:
+    """Run every level with its own random numbers, and tabulate the level differences."""
     call = partial(
         simulate,
         scene,
-        paths=LEVEL_PATHS,
+        paths=paths,
         impacts=impacts,
         scheme=scheme,
         workers=workers,
@@ -159,10 +166,8 @@ def measure_levels(scene: Scene, scheme: str, *, impacts: int, seed: int, worker
     )
     seeds = np.random.SeedSequence([seed, MULTILEVELS]).spawn(MULTILEVELS)
     bar = ProgressBar(seeds, label=f"levels of {scheme}", unit="level", leave=False)
-    dt = min(COARSEST_STEP, longest)
-    return levels_of(
-        [call(dt=dt / 2**level, rng=seed_of_level) for level, seed_of_level in enumerate(bar)]
-    )
+    steps = level_steps(scene, scheme)
+    return levels_of([call(dt=dt, rng=stream) for dt, stream in zip(steps, bar, strict=True)])
 
 
 def levels_of(runs: Sequence[Ensemble]) -> Levels:

@@ -120,6 +120,8 @@ def _jackknife(value: Callable[[Floats, Floats], Any], bias: Floats, se: Floats)
 
 STEP_PAIRS = (0.016, 0.008, 0.004, 0.002)
 """Larger step of each pair; the smaller one is half of it."""
+ORDER_PATHS = 40_000  # of each run
+REPLICATES = 6
 ORDER_IMPACTS = 4  # impacts over which paths with different dt keep the same itinerary
 
 
@@ -165,8 +167,8 @@ def weak_orders(
     scene: Scene,
     *,
     impacts: int = ORDER_IMPACTS,
-    paths: int = 40_000,
-    replicates: int = 6,
+    paths: int = ORDER_PATHS,
+    replicates: int = REPLICATES,
     rng: int = 0,
     workers: int = 2,
 ) -> WeakOrders:

@@ -13,7 +13,13 @@ from rattle.compare.report.manifest import ReportSettings
 from rattle.compare.report.provenance import Stopwatch, command_line, provenance
 from rattle.compare.validation.answer import UNFINISHED, answer, describe_left_out
 from rattle.compare.validation.page import draw_sections, write_report
-from rattle.compare.validation.validate import check_sweep, compare_schemes, sweep, validate
+from rattle.compare.validation.validate import (
+    check_sweep,
+    compare_schemes,
+    count_work,
+    sweep,
+    validate,
+)
 from rattle.montecarlo import SCHEMES, check_settings, default_step
 from rattle.scene import Scene, choice
 
@@ -111,15 +117,18 @@ class ReportRun:
         stored.append(lambda: f"the page is written, without the range of validity: {self.page}")
 
     def sweep(self, budget: float) -> None:
-        """Measure the range of validity over the noise intensity, within a budget."""
-        self.swept = sweep(
+        """Measure the range of validity over the noise intensity, within what the noise intensities
+        of the scenes have left of a budget."""
+        judged = sum(count_work(v) for v in self.validations)
+        swept = sweep(
             self.settings.scenes[0],
             self.settings.validity,
             **self.settings.sweep,
             **self.predictions,
             workers=self.workers,
-            budget=budget,
+            budget=budget - judged,
         )
+        self.swept = swept._replace(all_work=swept.all_work + judged)
         measured = tuple(sorted(self.swept.validity["sigma"].unique()))
         self.settings = self.settings._replace(validity=measured)
         left_out = describe_left_out(self.swept, budget)

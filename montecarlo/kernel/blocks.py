@@ -13,6 +13,7 @@ from typing import Any
 
 from rattle.montecarlo.kernel.block import BlockResult, Plan, run
 from rattle.scene import Floats
+from rattle.scene.errors import BudgetEnded
 
 HOUR = 3600.0
 """Seconds that an accuracy may take where no budget is given."""
@@ -64,11 +65,6 @@ def clock() -> float:
     """Processor time of this process so far, all threads together, in seconds: other work on the
     machine is none."""
     return time.process_time()
-
-
-class BudgetEnded(BaseException):
-    """The budget ended before there is a result; no ``except Exception`` of a function of one's own
-    catches it."""
 
 
 class Budget:

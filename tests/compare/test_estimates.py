@@ -25,7 +25,8 @@ ASKED = {
     ),
     "sensitivity": (
         partial(sensitivity, SCENE, quantities=["power"], parameters=["omega"], accuracy=1.0),
-        rf"^x: 20 long runs at the least, {TIME} of processor time; up to 16 times as many",
+        rf"^x: 5 motions of 32 paths each, {TIME} of processor time at the least, 60 s at the"
+        " most$",
     ),
     "closure": (
         partial(

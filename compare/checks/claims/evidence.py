@@ -8,8 +8,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from rattle.compare.chaos.effort import Effort
 from rattle.compare.chaos.exponents import Exponents, Mean, drift_exponents, lyapunov, ratio_mean
-from rattle.compare.chaos.measure import ChaosStudy, Effort, study
+from rattle.compare.chaos.measure import ChaosStudy, study
 from rattle.compare.chaos.record import Regime, noisy_record, orbit_record
 from rattle.compare.chaos.sweep import paper_noise, vary
 from rattle.compare.validation.result import Validation

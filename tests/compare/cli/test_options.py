@@ -21,7 +21,8 @@ from rattle.compare.animation.record import SHOWN_PERIODS
 from rattle.compare.checks.stability.chart import AXES
 from rattle.compare.cli.main import main
 from rattle.compare.cli.shared import say
-from rattle.compare.parameters.sensitivity import default_quantities
+from rattle.compare.parameters.search import SEARCH_BUDGET
+from rattle.compare.parameters.sensitivity import EFFECT_ACCURACY, default_quantities
 from rattle.compare.stationary.verdicts import CLOSURES_JUDGED
 from rattle.compare.study.parameters import SIGMA_RANGE
 from rattle.compare.tradeoff.measure import ACCURACIES
@@ -122,6 +123,7 @@ REAL = {
     "animate --periods": f"{SHOWN_PERIODS}",
     "animate --sigma": "the scene's; 0.1 on DAT21",
     "boundary --closure": DEFAULTS["closure"].default,
+    "boundary --budget": f"{SEARCH_BUDGET:g}; none with --and",
     "boundary --over": (
         f"sigma={SIGMA_RANGE[0]:g}:{SIGMA_RANGE[1]:g}:{DEFAULTS['points'].default}; a fourth of"
         " another's value to four times it"
@@ -130,6 +132,7 @@ REAL = {
         f"half its value to twice it, {signature(boundary_map).parameters['values'].default} values"
     ),
     "check claims --sigma": "0.01, 0.1",
+    "sensitivity --accuracy": f"{EFFECT_ACCURACY:g}",
     "simulate --accuracy": "0.01",
     "simulate --dt": STEP,
     "simulate --budget": f"an hour; beyond it the answer is what {INSTEAD:g} s give",

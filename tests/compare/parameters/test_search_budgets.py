@@ -1,13 +1,14 @@
 """A budget bounds the work that is counted, and what is returned has intervals.
 
-The processor's time is counted in impacts, three times slower than this one."""
+The processor of these tests counts its time in impacts, and is three times slower than a usual one.
+"""
 
 import time
 
 import numpy as np
 import pytest
 
-from rattle import Gears, Scene, crossing, sensitivity
+from rattle import DAT21, Gears, InputError, Scene, boundary_map, crossing, sensitivity
 from rattle.montecarlo.kernel.blocks import Budget
 from rattle.montecarlo.long_run import paths as long_paths
 from rattle.montecarlo.long_run.sums import NUMBER
@@ -92,3 +93,13 @@ def test_a_look_that_would_take_too_much_of_the_budget_is_not_begun(monkeypatch)
     assert seen == [1, 4, 16]
     assert looks.why == BUDGET_ENDED
     assert now[0] == 21.0
+
+
+def test_a_map_shares_its_budget_and_says_what_it_leaves_undecided():
+    quiet = Scene.from_gears(DAT21)
+    small = {"between": (0.01, 0.1), "impacts": 1, "points": 2, "values": 2}
+    found = boundary_map(quiet, along="alpha", **small, budget=1e-6)
+    assert found.path_steps == 0
+    assert f"undecided: {BUDGET_ENDED}" in found.answer[0]
+    with pytest.raises(InputError, match="budget = -1"):
+        boundary_map(quiet, along="alpha", budget=-1.0)

@@ -19,7 +19,7 @@ SHOWN = {
         "excitation amplitude",
         "over sigma and alpha",
     ),
-    "balance": ("noise intensity (now 1): 1 % more adds 1.99 ±", "change (%)", "noise intensity"),
+    "balance": ("noise intensity (now 1): 1 % more adds ", "change (%)", "noise intensity"),
 }
 
 

@@ -11,6 +11,7 @@ from commands import rattle
 
 from rattle import DAT21, Record, Sampling, Scene, simulate, simulate_rare
 from rattle.compare.tradeoff.measure import (
+    Allowance,
     CostModel,
     CostPoint,
     _compare,
@@ -265,6 +266,23 @@ def test_the_control_is_worth_most_at_small_noise():
     assert table["antithetic_sds"][0] == pytest.approx(0.5, abs=0.01)
 
 
+def test_the_budget_of_a_tradeoff_is_that_of_all():
+    """Points are charged; the tables rest on fewer paths, down to none where the runs do not
+    fit."""
+    rich = Allowance(400.0)
+    assert rich.of_point == 100.0
+    rich.left -= 250.0
+    assert rich.of_point == pytest.approx(0.7 * 396.0 - 250.0)
+    assert rich.scale("the levels", 0.1, 16_384, 30.0, 0) == 16_384
+    assert rich.describe() == ""
+    poor = Allowance(5.0)
+    assert poor.of_point == pytest.approx(0.7)
+    assert poor.scale("the levels", 0.1, 16_384, 2.0, 0) == 4096
+    assert poor.scale("weak orders", 0.15, 40_000, 37.0, 48) == 0
+    assert "4,096 of 16,384 paths for the levels, no weak orders" in poor.describe()
+    assert poor.timings == 1
+
+
 # the command
 
 
@@ -273,7 +291,7 @@ def test_command_writes_its_folder_answer_first(tmp_path):
     file = tmp_path / "loud.toml"
     file.write_text(SCENE.to_toml())
     out = tmp_path / "o"
-    words = "--impacts 2 --accuracy 0.1 --accuracy 0.001 --budget 0.5 --no-orders"
+    words = "--impacts 2 --accuracy 0.1 --accuracy 0.001 --budget 6 --no-orders"
     said = rattle(f"tradeoff {file} {words} --out {out}").stdout
     files = (
         "manifest.json tradeoff.md tradeoff.html tradeoff.svg tradeoff.csv levels.csv control.csv"
