@@ -225,9 +225,13 @@ def section_table(run: "Ensemble", units: str) -> str:
 @shared.real("accuracy", "Relative half width of the widest 95 % interval. [default: 0.01]")
 @shared.whole("periods", None, "Periods of each path, in place of an accuracy.")
 @shared.several("quantity", "quantities", str, QUANTITY_HELP)
-@shared.whole("paths", 256, "Independent paths.")
+@shared.whole("paths", 64, "Independent paths.")
 @shared.whole("burn-in", None, "Periods of burn-in, left out. [default: found by tests]")
 @shared.real("slow", "Speed below which an impact is slow.", 0.1)
+@shared.real(
+    "resolve",
+    "Speed down to which impacts at closed meshes are followed; 0 for all. [default: slow / 8]",
+)
 @shared.real("budget", BUDGET)
 @shared.closures(COMPARED_HELP)
 @click.option("--no-closures", is_flag=True, help="Compare no closure.")
@@ -271,7 +275,7 @@ def stationary(
     at = over.values(base, BIFURCATION_POINTS) if over else ()
     scenes = vary(base, field, at) if over else {}
     results = begin()
-    names = ("accuracy", "periods", "paths", "burn_in", "slow", "budget")
+    names = ("accuracy", "periods", "paths", "burn_in", "slow", "resolve", "budget")
     settings = shared.pick(settings, *names)
     settings["quantities"] = list(quantities or ASKED)
     settings["closures"] = [] if no_closures else list(closures or CLOSURES_JUDGED)
@@ -283,7 +287,7 @@ def stationary(
     settings |= {"seed": seed, "field": field, "over": list(at)}
     answer = results.write(found, view, scene=base.to_dict(), **settings)
     results.say(answer, lambda: found.to_dict(units or "dimensionless"))
-    if found.run and found.run.reach and not found.run.reach.reached:
+    if found.run and not found.run.reached:
         raise click.exceptions.Exit(EXIT_NOT_MET)
 
 

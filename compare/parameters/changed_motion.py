@@ -18,6 +18,7 @@ from rattle.montecarlo.long_run.estimates import estimates
 from rattle.montecarlo.long_run.paths import LongPaths, warm_up
 from rattle.montecarlo.long_run.run import LEAST_IMPACTS, apart, drift, settle
 from rattle.montecarlo.long_run.sums import NUMBER, Collected, Scales, scales_of_pilot
+from rattle.montecarlo.schemes.quiet import quiet_of
 from rattle.montecarlo.settings import is_random
 from rattle.scene import Floats, InputError, Scene
 from rattle.scene.changes import same_speed
@@ -70,7 +71,8 @@ class Shared:
         """New paths of a scene, with the random numbers that all share."""
         stream = np.random.SeedSequence(self._seed)
         slow = same_speed(self.slow, self.scene, scene)
-        return LongPaths(scene, self.paths, stream, slow, self._limit, self._pool, self._bar)
+        quiet = quiet_of(scene, slow, None)
+        return LongPaths(scene, self.paths, stream, slow, quiet, self._limit, self._pool, self._bar)
 
     def scales(self, slow: float) -> Scales:
         """The scales of distributions, for a scene in which this speed is slow."""
@@ -98,7 +100,8 @@ class Shared:
             base.begin()
             base.follow(TEST_PERIODS // 2, seen)
         if not seen:
-            raise base.unaffordable(f"{TEST_PERIODS} periods that set the scales", TEST_PERIODS)
+            why = f"ends before the {TEST_PERIODS} periods that set the scales; give a larger one"
+            raise InputError("budget", self._limit.seconds, why)
         scales = scales_of_pilot(np.concatenate(seen), self.slow)
         base.begin(scales)
         return 2 * memory, scales  # twice, for what the test cannot see
@@ -111,7 +114,8 @@ class Shared:
         impacts = float(main[:, late, NUMBER].sum()) / len(main)
         if main.shape[1] < TEST_PERIODS or impacts < LEAST_IMPACTS:
             return 0
-        if not (self.base.are_sets or apart(main, late).reached):
+        early = slice(TEST_PERIODS // 4, TEST_PERIODS // 2)
+        if not (self.base.are_sets or apart(main, early, late).reached):
             return 0
         forgotten = (k for k in MEMORIES if drift(main, slice(k, 2 * k), late).reached)
         return next(forgotten, 0)
@@ -123,7 +127,8 @@ def count_work(scene: Scene, slow: float) -> float:
     with ThreadPoolExecutor(1) as pool, ProgressBar() as bar:
         few = GROUP_NUMBERS[-1]
         seed = np.random.SeedSequence(0)
-        paths = LongPaths(scene, few, seed, slow, Budget(math.inf), pool, bar)
+        quiet = quiet_of(scene, slow, None)
+        paths = LongPaths(scene, few, seed, slow, quiet, Budget(math.inf), pool, bar)
         paths.follow(PROBED_PERIODS)
         paths.begin()
         paths.follow(PROBED_PERIODS)

@@ -46,6 +46,7 @@ def stationary(
     paths: int = LONG_RUN_PATHS,
     burn_in: int | None = None,
     slow: float = 0.1,
+    resolve: float | None = None,
     budget: float | None = None,
     closures: Sequence[str] = tuple(CLOSURES_JUDGED),
     rng: Rng = 0,
@@ -74,9 +75,15 @@ def stationary(
         Periods to leave out before; found by tests by default.
     slow : float
         Speed below which an impact counts as slow.
+    resolve : float, optional
+        Speed down to which impacts at a mesh that is pressed shut are followed one by one; an
+        eighth of `slow` by default, 0 for all of them.  Slower ones change ``rate``, ``flight``,
+        ``speed`` and ``slow_share``, which are of the impacts that are followed; the energy that
+        they lose is known, and counted.
     budget : float, optional
         Seconds of processor time that the simulation may take, all threads together; compiling is
-        not counted.  Without it, what is expected to take more than an hour is refused.
+        not counted.  When it ends, what there is is returned, with wider intervals.  Without it,
+        what is expected to take more than an hour is refused.
     closures : sequence of str
         Closures that ``verdicts`` of the result judges; computed when that is asked for.
     rng : int, SeedSequence, Generator or BitGenerator
@@ -98,8 +105,8 @@ def stationary(
     InputError
         For a setting that cannot be run.
     BurnInError
-        If the motion does not forget its start: says how long the burn-in must be; without noise,
-        which attractors there are.
+        If the motion does not forget its start, and there is no budget: says how long the burn-in
+        must be; without noise, which attractors there are.
 
     Examples
     --------
@@ -125,6 +132,7 @@ def stationary(
             paths=paths,
             burn_in=burn_in,
             slow=slow,
+            resolve=resolve,
             budget=budget,
             rng=rng,
             workers=workers,
@@ -132,7 +140,7 @@ def stationary(
         )
     except AtRest as rest:
         resting = _resting(scene, orbit, slow, named)
-        return resting if scene.sigma == 0.0 else _seen_at_rest(resting, *rest.watched)
+        return resting if scene.sigma == 0.0 else _seen_at_rest(resting, rest)
     except BurnInError as refused:
         kinds = _attractors(scene, orbit)
         if len(kinds) == 1:
@@ -147,6 +155,10 @@ def stationary(
         f"{run.impacts:,} impacts on {run.paths} paths of {run.periods:,} periods each, after a"
         f" burn-in of {run.burn_in.periods:,}; the orbit without noise {orbit.reason}."
     )
+    if not run.burn_in.reached:
+        kinds = _attractors(scene, orbit)
+        if len(kinds) > 1:
+            said += f" Without noise, {_describe(kinds, scene)}."
     return Stationary(scene, "simulated", said, table, run, orbit, slow, named)
 
 
@@ -168,9 +180,10 @@ def _resting(scene: Scene, a: Attractor, slow: float, closures: tuple[str, ...])
     return Stationary(scene, "rest", said, _exact_table(values), None, a, slow, closures)
 
 
-def _seen_at_rest(found: Stationary, paths: int, periods: int) -> Stationary:
+def _seen_at_rest(found: Stationary, rest: AtRest) -> Stationary:
     """A noisy motion of which no impact was seen: bounds in place of exact values."""
-    most = most_unseen(2.0 * math.pi * periods * paths)
+    paths, periods = rest.watched
+    most = most_unseen(2.0 * math.pi * periods * paths) + rest.left_out
     table = found.table.assign(se=math.nan, low=math.nan, high=math.nan)
     table.loc[table.index.str.startswith("rate"), ["low", "high"]] = 0.0, most
     opens = "noise with a memory opens closed teeth only where it pulls"

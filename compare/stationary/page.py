@@ -133,6 +133,7 @@ def answer(found: Stationary) -> list[str]:
         number=number_text,
         percent=percent,
         least=speed_text(found.slow, found.scene.gears, units),
+        quiet=speed_text(found.run.quiet, found.scene.gears, units) if found.run else "",
         off_by=_off_by,
         closed=[(mesh, share) for mesh, share in closed if share > 0.0],
         memory=memory,

@@ -326,8 +326,12 @@ class Stationary:
             facts |= {name: getattr(run, name) for name in ("paths", "periods", "impacts")}
             facts["burn_in"] = run.burn_in.periods
             facts["seconds"] = round(run.wall_seconds, 3)
-            facts["reach"] = run.reach.sentence if run.reach else None
-            facts["reached"] = run.reach is None or run.reach.reached
+            facts["reach"] = run.reach_sentence or None
+            facts["reached"] = run.reached
+            facts["settled"] = run.burn_in.reached
+            facts["resolve"] = run.quiet
+            names = ("closed_share", "energy_share", "rate_above_at_most")
+            facts["left_out"] = dict(zip(names, run.left_out, strict=True))
         table = self.table_in(units).reset_index().to_dict("records")
         scatter = self.scatter_in(units).to_dict("records")
         verdicts = self.verdicts_in(units).to_dict("records")

@@ -37,7 +37,6 @@ from rattle.montecarlo import SCHEMES
 from rattle.montecarlo.diagnostics.reference import Simulated
 from rattle.montecarlo.kernel.blocks import in_threads
 from rattle.montecarlo.long_run.estimates import all_names
-from rattle.montecarlo.long_run.run import LONG_RUN_PATHS
 from rattle.montecarlo.looks import Looks
 from rattle.montecarlo.settings import begins
 from rattle.montecarlo.statistics.intervals import AGAIN, widest
@@ -246,6 +245,7 @@ def decide(prediction: NamedSection, claim: Claim, session: Thresholds) -> Decis
     return Decision(*look_until_decided(sizes, look), z)
 
 
+CLAIM_PATHS = 256  # of a long run
 FIRST_PERIODS = (64, 256, 1024)
 """Length of the simulation at the first looks; the later ones take more paths of the last."""
 
@@ -304,8 +304,8 @@ def decide_long(prediction: LongPrediction, claim: Claim, session: Thresholds) -
     """
     settings = session.settings
     longest = FIRST_PERIODS[-1]
-    paths_of_looks = settings.sizes(LONG_RUN_PATHS, claim.budget)
-    looks = [(periods, LONG_RUN_PATHS) for periods in FIRST_PERIODS]
+    paths_of_looks = settings.sizes(CLAIM_PATHS, claim.budget)
+    looks = [(periods, CLAIM_PATHS) for periods in FIRST_PERIODS]
     looks += [(longest, paths) for paths in paths_of_looks]
     sizes = {periods * paths: (periods, paths) for periods, paths in looks}
     values = prediction.values

@@ -18,8 +18,15 @@ from rattle.montecarlo.schemes.control_variate import LinearPath, carry_along
 from rattle.montecarlo.schemes.lanes import Lanes, Room
 from rattle.montecarlo.schemes.scheme import Scheme
 from rattle.montecarlo.schemes.short_flight import Phase
-from rattle.montecarlo.schemes.step_state import MOST_IN_A_STEP, Inside, Progress, State, Walls
-from rattle.montecarlo.schemes.sticking import sides_of
+from rattle.montecarlo.schemes.step_state import (
+    MOST_IN_A_STEP,
+    Inside,
+    Progress,
+    Quiet,
+    State,
+    Walls,
+)
+from rattle.montecarlo.schemes.sticking import add_closed, hold_only, sides_of
 from rattle.scene import Constants, Floats, Ints
 from rattle.scene.compiled import lean, splice, widest_vectors
 from rattle.scene.impact import struck
@@ -42,6 +49,7 @@ class Job(NamedTuple):
     control: LinearPath  # carried along beside the finest level; empty for none
     mixture: BranchMixture  # from which paths are drawn, at one level; empty for plain paths
     memory: Memory = Memory()  # of the noise, for the finest step; not used for white noise
+    quiet: Quiet = Quiet()  # what of the motion at closed meshes is not followed
 
 
 class Output(NamedTuple):
@@ -124,19 +132,29 @@ def finish_inside(
     sticking = False
     state = lanes.state
     whole = state[0, p], state[1, p], state[2, p], state[3, p]
-    inside = Inside(job.c, job.key, room.path[p], step, level, whole, room.ahead)
-    for met in range(MOST_IN_A_STEP + 1):
+    known = True
+    forced = (ZERO, ZERO)
+    for met in range(MOST_IN_A_STEP + 2):
         if at.left <= 0.0 or lanes.impacts[p] >= enough:
             break
         walls = Walls(lanes.walls[0, p], lanes.walls[1, p], lanes.walls[2, p], lanes.walls[3, p])
-        sides = find_sticking(job.c, at, walls)
-        if sides[0] == 0 and sides[1] == 0:
-            at, phase = advance(inside, met, at, phase, walls)
-        if sides[0] != 0 or sides[1] != 0 or (at.code != 0 and met == MOST_IN_A_STEP):
-            at = stick_to_end(job.c, at, sides if at.code == 0 else sides_of(at.code), walls)
+        hold = find_sticking(job.c, at, walls, job.quiet)
+        if met > MOST_IN_A_STEP:
+            hold = hold_only(forced)
+        inside = Inside(job.c, job.key, room.path[p], step, level, whole, known, hold, room.ahead)
+        left = at.left
+        at, phase = advance(inside, met, at, phase, walls)
+        known = False
+        if hold.first != 0 or hold.second != 0:
+            add_closed(room.closed, p, hold, left - at.left)
             sticking = True
-            break
-        if at.code != 0:
+        if at.code != 0 and met == MOST_IN_A_STEP:
+            forced = sides_of(at.code)
+            at = Progress(0, at.tau, at.left, at.noise, at.state)
+        elif at.code != 0 and met > MOST_IN_A_STEP:
+            at = stick_to_end(job.c, at, sides_of(at.code), walls)
+            sticking = True
+        elif at.code != 0:
             record(job, level, p, at.code, at.tau, at.state, lanes, room, out)
             x1, y1, x2, y2 = at.state
             y1, y2 = rebound(job.c, abs(at.code), y1, y2)

@@ -91,6 +91,7 @@ def control(c: Collected) -> Collected | None:
         c.paths < LEAST_PATHS
         or not controls.any()
         or c.main[:, :, tally.CONTACT : tally.CONTACT + 2].any()
+        or c.main[:, :, tally.LEFT_OUT + 1].any()
     ):
         return None
     main = c.main.copy()
@@ -116,6 +117,14 @@ class StationaryEstimate(NamedTuple):
     # `rattle.montecarlo.statistics.intervals.count_effective_paths`; for quantiles, units of the
     # distributions
     effective_paths: float = math.nan
+
+    def widen(self, factor: float) -> "StationaryEstimate":
+        """The same estimate with an interval and an error that are wider by a factor."""
+        if factor == 1.0:
+            return self
+        low = self.value - factor * (self.value - self.low)
+        high = self.value + factor * (self.high - self.value)
+        return self._replace(se=factor * self.se, low=low, high=high)
 
 
 def _jackknife(sums: Floats, function: Callable[[Floats], Floats]) -> list[Spread]:
@@ -218,7 +227,9 @@ class _Maker:
             "rate_above": self._per_time(above, g, float(above.sum()), flights_above),
             "rate": self._per_time(number, g, float(number.sum()), self._flights(g)[0]),
         }
-        most = most_unseen(self.c.time * self.c.paths)
+        watched = self.c.time * self.c.paths
+        left_out = float(self.c.main[:, :, tally.LEFT_OUT + 2].sum())
+        most = most_unseen(watched) + left_out / watched
         for name, rate in rates.items():
             if rate.value == rate.se == 0.0:
                 rates[name] = rate._replace(high=most)

@@ -9,16 +9,19 @@ from rattle.montecarlo.kernel.blocks import HOUR, Budget, clock
 from rattle.montecarlo.long_run import sums as tally
 from rattle.montecarlo.long_run.sums import Collected, Scales, Sums
 from rattle.montecarlo.long_run.walk import WALK_LANES, Walk
-from rattle.scene import Floats, InputError, Scene, duration_text
+from rattle.montecarlo.schemes.quiet import LEFT_OUT_SHARE
+from rattle.montecarlo.schemes.step_state import Quiet
+from rattle.scene import Floats, Scene
 from rattle.scene.progress import ProgressBar
 
 PATH_BATCHES = 64
 """Batches of each path; when they are full, each two become one."""
 AT_ONCE = 8  # batches between two looks at the progress
+LEAST_BLOCKS = 2  # blocks of paths at least, so that two threads have work
 # paths that share a histogram, and paths from which on they do
 SHARING_PATHS = 4
 SHARED_FROM = 128
-STATIONARY_PERIODS = 64  # periods of the stationary motion
+STATIONARY_PERIODS = 8  # periods of the stationary motion after which its intervals are looked at
 IMPACT_SECONDS = 1.5e-6
 """Nominal processor time of an impact, steps included: what is refused does not depend on the
 machine."""
@@ -27,9 +30,11 @@ machine."""
 class LongPaths:
     """All blocks of paths, and the batches that they are filling.
 
-    `seed`: of all random numbers. `slow`: speed below which an impact is slow. `limit`: time that
-    following them may take. `bar`: counts periods. `sums`: of each block. `length`, `periods`:
-    periods of a batch, and in all batches. `pace`: processor time of a period, as measured last.
+    `seed`: of all random numbers. `slow`: speed below which an impact is slow. `quiet`: what of the
+    motion at closed meshes is not followed. `limit`: time that following them may take. `reserve`:
+    seconds of it that are kept for later. `bar`: counts periods. `sums`: of each block. `length`,
+    `periods`: periods of a batch, and in all batches. `pace`: processor time of a period, as
+    measured last.
     """
 
     def __init__(
@@ -38,18 +43,23 @@ class LongPaths:
         paths: int,
         seed: np.random.SeedSequence,
         slow: float,
+        quiet: Quiet,
         limit: Budget,
         pool: ThreadPoolExecutor,
         bar: ProgressBar,
     ) -> None:
+        lanes = min(WALK_LANES, -(-paths // LEAST_BLOCKS))
         self._walks = [
-            Walk(scene, seed, first, min(WALK_LANES, paths - first))
-            for first in range(0, paths, WALK_LANES)
+            Walk(scene, seed, first, min(lanes, paths - first), quiet)
+            for first in range(0, paths, lanes)
         ]
         self._together = SHARING_PATHS if paths >= SHARED_FROM else 1
         self.scene = scene
         self.slow = slow
         self.limit = limit
+        self.reserve = 0.0
+        self.sums: list[Sums] = []
+        self.periods = 0
         self.pace = math.nan
         self._pool = pool
         self._bar = bar
@@ -58,6 +68,8 @@ class LongPaths:
     def begin(self, scales: Scales | None = None) -> None:
         """Begin to sum anew from here; distributions too, where a pilot run has set their
         scales."""
+        if self.periods > 0:
+            self._allow_left_out()
         own = scales or tally.no_scales(self.slow)
         detail = scales is not None
         self.sums = [
@@ -66,6 +78,15 @@ class LongPaths:
         ]
         self.length = 1
         self.periods = 0
+
+    def _allow_left_out(self) -> None:
+        """Hold closed meshes as long as what that leaves out is a small share of the impacts that
+        are not slow."""
+        main = self.main
+        above = main[:, :, tally.NUMBER].sum() - main[:, :, tally.SLOW].sum()
+        rate = float(above) / (tally.PERIOD * self.periods * len(main))
+        for walk in self._walks:
+            walk.leave_out(LEFT_OUT_SHARE * rate)
 
     def follow(self, until: int, seen: list[Floats] | None = None) -> None:
         """Follow all paths for at least `until` periods since the sums began, to the end of a
@@ -91,12 +112,11 @@ class LongPaths:
         self._bar.total = self.elapsed + math.ceil(periods)
 
     def _affordable(self) -> int:
-        """Batches for which the budget has room; one where no period has been measured yet."""
-        if math.isnan(self.pace):
+        """Batches for which the budget has room; the first one in any case."""
+        if self.periods == 0:
             return 1
-        return int(
-            min(max(self.limit.remaining, 0.0) / max(self.pace * self.length, 1e-9), AT_ONCE)
-        )
+        room = max(self.limit.remaining - self.reserve, 0.0)
+        return int(min(room / max(self.pace * self.length, 1e-9), AT_ONCE))
 
     def _advance(self, batch: int, periods: int, seen: list[Floats] | None) -> None:
         def one(walk: Walk, sums: Sums) -> list[Floats]:
@@ -116,6 +136,12 @@ class LongPaths:
             sums.main[:, : PATH_BATCHES // 2] = sums.main[:, 0::2] + sums.main[:, 1::2]
             sums.main[:, PATH_BATCHES // 2 :] = 0.0
         self.length *= 2
+
+    def left_out(self) -> float:
+        """Bound of the rate of impacts that are not slow and were left out at closed meshes."""
+        main = self.main
+        above = float(main[:, :, tally.LEFT_OUT + 2].sum())
+        return above / (tally.PERIOD * self.periods * len(main))
 
     def at_rest(self) -> bool:
         """Whether a mesh of every path is closed at all instants of the last half."""
@@ -150,12 +176,6 @@ class LongPaths:
         """Whether so many periods more are expected to take more than an hour, and no budget is
         given."""
         return math.isinf(self.limit.seconds) and periods * self.nominal > HOUR
-
-    def unaffordable(self, what: str, periods: int) -> InputError:
-        """The error for a budget that ends before there is an answer."""
-        more = duration_text((periods - self.periods + STATIONARY_PERIODS) * self.pace, 2)
-        why = f"ends after {self.periods} of {what}; give about {more} of processor time more"
-        return InputError("budget", self.limit.seconds, why)
 
     def collect(self) -> Collected:
         """Everything that was summed."""

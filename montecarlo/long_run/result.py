@@ -12,6 +12,7 @@ import pandas as pd
 from rattle.montecarlo.long_run.estimates import StationaryEstimate, all_names, estimates
 from rattle.montecarlo.long_run.sums import (
     ENERGY,
+    LEFT_OUT,
     NOISE,
     NUMBER,
     PERIOD,
@@ -46,10 +47,17 @@ class BurnIn(NamedTuple):
     drift: Contrast  # of the test that it passed
     # of the other test; None where paths differ for good, because each has a backlash of its own
     apart: Contrast | None
+    reached: bool  # whether the start was seen to be forgotten, or a burn-in was given
 
     @property
     def sentence(self) -> str:
         """What was left out, and why it suffices, as text."""
+        if not self.reached:
+            return (
+                "The start may not be forgotten: the budget ended before the motion was seen to be"
+                f" stationary. The first {self.periods} periods are left out, and all intervals are"
+                " wider for that reason; a larger budget helps."
+            )
         return (
             f"Burn-in: {self.periods} periods; its second quarter and its second half agree within "
             f"{abs(self.drift.size):.1f} standard errors (allowed {self.drift.allowed:.1f})."
@@ -133,6 +141,9 @@ class LongRun:
     reach: LongReach | None  # none where a number of periods was given
     late: Contrast  # first quarter against last half of the stationary motion
     slow: float  # speed below which an impact is slow
+    quiet: float  # speed down to which impacts at closed meshes are followed; 0 for all of them
+    widened: float  # times that all intervals are wider, where the start may not be forgotten
+    asked_periods: int | None  # periods that were asked for, in place of an accuracy
     wall_seconds: float
 
     @property
@@ -158,8 +169,39 @@ class LongRun:
     @cached_property
     def estimates(self) -> dict[str, StationaryEstimate]:
         """All quantities by name, in the order of the table."""
-        found = estimates(self.sums)
-        return {name: found[name] for name in all_names(self.scene.stages) if name in found}
+        known = estimates(self.sums)
+        return {
+            name: known[name].widen(self.widened)
+            for name in all_names(self.scene.stages)
+            if name in known
+        }
+
+    @property
+    def reached(self) -> bool:
+        """Whether all that was asked for was reached before the budget ended."""
+        enough = self.asked_periods is None or self.periods >= self.asked_periods
+        accurate = self.reach is None or self.reach.reached
+        return self.burn_in.reached and enough and accurate
+
+    @property
+    def reach_sentence(self) -> str:
+        """The accuracy or the periods that were reached, as text; empty where periods were asked
+        for and reached."""
+        if self.reach is not None:
+            return self.reach.sentence
+        if self.reached or self.asked_periods is None or self.periods >= self.asked_periods:
+            return ""
+        return f"The budget ended after {self.periods} of {self.asked_periods} periods."
+
+    @property
+    def left_out(self) -> tuple[float, float, float]:
+        """What impacts at closed meshes add that are not followed: share of the time in which
+        meshes are held closed, share of the energy lost, and a bound of the rate of those not
+        slow."""
+        lost, time, above = self.sums.main[:, :, LEFT_OUT : LEFT_OUT + 3].sum(axis=(0, 1)).tolist()
+        whole = self.sums.time * self.paths
+        energy = float(self.sums.main[:, :, ENERGY].sum())
+        return time / whole, lost / energy if energy > 0.0 else 0.0, above / whole
 
     @cached_property
     def densities(self) -> tuple[SectionDensity, ...]:

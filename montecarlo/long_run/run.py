@@ -13,41 +13,50 @@ from concurrent.futures import ThreadPoolExecutor
 from typing import NamedTuple
 
 import numpy as np
-from scipy.special import stdtrit
+from scipy.special import fdtri, stdtrit
 
 from rattle.montecarlo.kernel.blocks import HOUR, clock
 from rattle.montecarlo.long_run.estimates import StationaryEstimate, all_names, estimates
 from rattle.montecarlo.long_run.paths import PATH_BATCHES, STATIONARY_PERIODS, LongPaths, warm_up
 from rattle.montecarlo.long_run.result import BurnIn, Contrast, LongReach, LongRun
 from rattle.montecarlo.long_run.scatter import error_share
-from rattle.montecarlo.long_run.sums import NUMBER, new_sums, no_scales, scales_of_pilot
+from rattle.montecarlo.long_run.sums import NUMBER, SLOW, new_sums, no_scales, scales_of_pilot
 from rattle.montecarlo.long_run.walk import Walk
 from rattle.montecarlo.looks import begin_budget, grow
+from rattle.montecarlo.schemes.quiet import quiet_of
 from rattle.montecarlo.settings import check_settings
 from rattle.scene import Floats, InputError, Scene, choice, count, duration_text, positive
+from rattle.scene.errors import non_negative
 from rattle.scene.progress import ESTIMATES, ProgressBar, do
 
-LONG_RUN_PATHS = 256
+LONG_RUN_PATHS = 64
 LONG_RUN_ACCURACY = 0.01
 ASKED = ("rate_above", "speed_above", "energy_per_period")
 """Quantities whose intervals an accuracy is asked for, by default."""
 RESTARTS = 3  # most times that what was taken for stationary is taken for burn-in after all
-PILOT_IMPACTS = 40_000  # impacts of the pilot run
-MOST_PILOT = 64  # periods of the pilot run
+PILOT_IMPACTS = 4000  # impacts of the pilot run that are not slow, at the least
+MOST_PILOT = 16  # periods of the pilot run
 PILOT_SHARE = 0.25  # of the budget that is left, for the pilot run
-FEWEST_PERIODS = 8  # periods of the stationary motion, where the budget ends before more
+BURN_IN_SHARE = 0.5  # of the budget, for the burn-in
 PERIODS_GROWTH = 4  # most by which a run grows at once
 PERIODS_SPARE = 1.1  # more than what an accuracy is expected to take
-FIRST_TEST = 32
+FIRST_TEST = 8
+FIRST_DRIFT = 32
 LONGEST_BURN_IN = 2**15
-"""Periods after which a run is tested for the first time, and the longest burn-in that is tried."""
+"""Periods after which a run is tested for the first time, also where only one test can be made, and
+the longest burn-in that is tried."""
 # of a path in the last half, on average, without which there is nothing to compare
 LEAST_IMPACTS = 20.0
 LITTLE_ERROR = 0.1
 """Share of the variance between gear sets below which longer paths narrow no interval: it is the
 sets that differ."""
 FALSE_TEST = 1e-3  # probability that a run that is stationary fails a test
-TOO_FAR = 4.0  # ratio of variances between and within paths from which paths count as kept apart
+# ratio of variances between and within paths from which paths remember where they were a quarter of
+# the last half ago: twice, if a quarter of what they did then is repeated
+TOO_FAR = 2.0
+KEPT_APART = 4.0  # ratio from which paths look as if they never met
+MOST_WIDENED = 100.0  # times wider at the most: where nothing varies, any drift is infinite
+UNSETTLED = 2.0  # times wider intervals at the least, where the start may not be forgotten
 PARTS_OF_HALF = 4  # of the last half, within each path
 COMPARED = (
     *(
@@ -71,6 +80,7 @@ class AtRest(InputError):
     """There is no stationary motion: every path comes to rest, as far as it was followed."""
 
     watched = (0, 0)  # paths, and periods of each in which a mesh was closed and no impact was seen
+    left_out = 0.0  # bound of the rate of impacts that are not slow, and were not followed
 
 
 def _largest(size: Floats, allowed: float, share: Floats | None = None) -> Contrast:
@@ -97,32 +107,50 @@ def drift(main: Floats, early: slice, late: slice) -> Contrast:
     return _largest(z, allowed, share)
 
 
-def apart(main: Floats, late: slice) -> Contrast:
-    """Compare the variance between paths with that within them.
+def apart(main: Floats, early: slice, late: slice) -> Contrast:
+    """Compare the variance between paths with that within them: over the quarters of the last half,
+    and over two parts of the run, which correlate where paths remember what they did.
+
+    The worse of both.  Two parts with the correlation r have the ratio ``(1 + r) / (1 - r)``.
 
     Shapes: `main` (paths, batches, MAIN).
     """
-    compared = main[:, late, : len(COMPARED)]
-    parts = compared.reshape(len(main), PARTS_OF_HALF, -1, len(COMPARED)).mean(axis=2)
+    n = len(main)
+    compared = main[:, :, : len(COMPARED)]
+    before = compared[:, early].mean(axis=1)
+    after = compared[:, late].mean(axis=1)
+    parts = compared[:, late].reshape(n, PARTS_OF_HALF, -1, len(COMPARED)).mean(axis=2)
     within = parts.var(axis=1, ddof=1).mean(axis=0) / PARTS_OF_HALF
-    between = parts.mean(axis=1).var(axis=0, ddof=1)
+    between = after.var(axis=0, ddof=1)
+    product = ((before - before.mean(axis=0)) * (after - after.mean(axis=0))).mean(axis=0)
     with np.errstate(invalid="ignore", divide="ignore"):
         ratio = np.where(between > 1e-24, between / within, 0.0)
-    return _largest(np.where(np.isnan(ratio), 0.0, ratio), TOO_FAR)
+        r = np.where(between > 1e-24, product / (before.std(axis=0) * after.std(axis=0)), 0.0)
+        remembered = (1.0 + r) / (1.0 - r)
+    chance = 1.0 - FALSE_TEST / len(COMPARED)
+    far = float(fdtri(n - 1, n * (PARTS_OF_HALF - 1), chance))
+    t = float(stdtrit(n - 2, chance))
+    most = t / math.sqrt(n - 2 + t * t)
+    spread = _largest(np.nan_to_num(ratio, posinf=np.inf), max(TOO_FAR, far))
+    memory = _largest(np.nan_to_num(remembered, posinf=np.inf), (1.0 + most) / (1.0 - most))
+    return max(spread, memory, key=lambda one: one.size / one.allowed)
 
 
 def settle(paths: LongPaths, burn_in: int | None) -> BurnIn:
     """Follow the paths until two tests say that they have forgotten their start, or for a given
-    time."""
-    until = FIRST_TEST if burn_in is None else burn_in
+    time; with a budget, at most for its share."""
+    until = FIRST_DRIFT if paths.are_sets else FIRST_TEST
+    if burn_in is not None:
+        until = burn_in
+    limited = math.isfinite(paths.limit.seconds)
+    if limited:
+        paths.reserve = (1.0 - BURN_IN_SHARE) * paths.limit.seconds
     paths.begin()
     before: Contrast | None = None
     while True:
         began = clock()
         paths.expect(until - paths.periods + STATIONARY_PERIODS)
         paths.follow(until)
-        if paths.periods < until and (before is None or burn_in is not None):
-            raise paths.unaffordable(f"{until} periods of burn-in at least", until)
         main = paths.main
         quarter = main.shape[1] // 4
         late = slice(main.shape[1] - 2 * quarter, main.shape[1])
@@ -132,21 +160,22 @@ def settle(paths: LongPaths, burn_in: int | None) -> BurnIn:
         if quarter:
             moved = drift(main, slice(quarter, 2 * quarter), late)
             if quarter * 2 % PARTS_OF_HALF == 0 and not paths.are_sets:
-                differ = apart(main, late)
-        if burn_in is not None or (
-            moved.reached and (differ is None or differ.reached) and impacts >= LEAST_IMPACTS
+                differ = apart(main, slice(quarter, 2 * quarter), late)
+        forgotten = moved.reached and (differ is None or differ.reached)
+        if paths.periods >= until and (
+            burn_in is not None or (forgotten and impacts >= LEAST_IMPACTS)
         ):
-            return BurnIn(paths.periods, moved, differ)
-        if impacts == 0.0 and paths.at_rest():
+            return BurnIn(paths.periods, moved, differ, True)
+        if impacts == 0.0 and paths.periods >= FIRST_DRIFT and paths.at_rest():
             why = "comes to rest: a mesh stays closed, and no impact was seen"
             rest = AtRest("scene", paths.scene.sigma, why)
             rest.watched = len(main), 2 * quarter * paths.length
+            rest.left_out = paths.left_out()
             raise rest
-        if (
-            until >= LONGEST_BURN_IN
-            or paths.limit.remaining < 2.0 * (clock() - began)
-            or paths.is_refused(until)
-        ):
+        room = paths.limit.remaining - paths.reserve
+        if limited and (paths.periods < until or room < 2.0 * (clock() - began)):
+            return BurnIn(paths.periods, moved, differ, False)
+        if until >= LONGEST_BURN_IN or paths.is_refused(until):
             raise refusal(paths.elapsed, moved, differ, before, impacts)
         before = moved
         until = 2 * until
@@ -180,8 +209,12 @@ def refusal(
         assert differ is not None
         why = (
             f"{differ.quantity} differs {differ.size:.3g} times more between paths (in variance)"
-            " than within them: there are several attractors that the noise does not connect in"
-            " this time"
+            " than within them: "
+        )
+        why += (
+            "there are several attractors that the noise does not connect in this time"
+            if differ.size > KEPT_APART
+            else "each path remembers where it was for longer than this"
         )
     return BurnInError(
         "burn_in",
@@ -192,20 +225,21 @@ def refusal(
 
 def _pilot(paths: LongPaths) -> None:
     """Choose where distributions are counted, and begin to sum."""
-    rate = float(paths.main[:, -1, NUMBER].sum()) / paths.length  # impacts of all paths in a period
+    last = paths.main[:, -1]
+    above = last[:, NUMBER].sum() - last[:, SLOW].sum()
+    rate = float(above if above > 0.0 else last[:, NUMBER].sum()) / paths.length  # in a period
+    paths.reserve = 0.0
     affordable = PILOT_SHARE * paths.limit.remaining / max(paths.pace, 1e-9)
     periods = int(max(min(_pilot_periods(rate), affordable), 1.0))
     paths.expect(periods + STATIONARY_PERIODS)
     paths.begin()
     seen: list[Floats] = []
     paths.follow(periods, seen)
-    if not seen:
-        raise paths.unaffordable(f"{periods} periods of a pilot run", periods)
     paths.begin(scales_of_pilot(np.concatenate(seen), paths.slow))
 
 
 def _pilot_periods(rate: float) -> float:
-    """Periods of a pilot run in which so many impacts are seen in each."""
+    """Periods of a pilot run, of which each shows so many impacts that are not slow."""
     return min(max(PILOT_IMPACTS / max(rate, 1e-9), 2.0), MOST_PILOT)
 
 
@@ -217,8 +251,6 @@ def _gather(
     wanted = STATIONARY_PERIODS if periods is None else periods
     paths.expect(wanted)
     paths.follow(wanted)
-    if paths.periods < (FEWEST_PERIODS if periods is None else periods):
-        raise paths.unaffordable(f"{wanted} periods after the burn-in", wanted)
     while goal is not None:
         width, worst = _find_widest(estimates(paths.collect(), asked))
         before = paths.periods
@@ -276,6 +308,7 @@ def expect_run(
     periods: int | None = None,
     burn_in: int | None = None,
     slow: float = 0.1,
+    resolve: float | None = None,
 ) -> ExpectedRun:
     """Expect what a long run takes at the least, from the time of a few of its paths once they have
     left their start.
@@ -284,14 +317,15 @@ def expect_run(
     `STATIONARY_PERIODS` periods.
     """
     warm_up(scene, slow)
-    walk = Walk(scene, np.random.SeedSequence(0), 0, PROBED)
+    walk = Walk(scene, np.random.SeedSequence(0), 0, PROBED, quiet_of(scene, slow, resolve))
     sums = new_sums(PROBED, PROBE_PERIODS, no_scales(slow), False)
     walk.follow(sums, PROBE_PERIODS)
     sums.main[:] = 0.0
     began = clock()
     walk.follow(sums, PROBE_PERIODS)
     pace = (clock() - began) / PROBE_PERIODS * paths / PROBED
-    rate = float(sums.main[:, :, NUMBER].sum()) / PROBE_PERIODS * paths / PROBED
+    above = sums.main[:, :, NUMBER].sum() - sums.main[:, :, SLOW].sum()
+    rate = float(above) / PROBE_PERIODS * paths / PROBED
     least = FIRST_TEST if burn_in is None else burn_in
     every = math.ceil(
         least + _pilot_periods(rate) + (STATIONARY_PERIODS if periods is None else periods)
@@ -316,6 +350,7 @@ def check_long_run(
     paths: int = LONG_RUN_PATHS,
     burn_in: int | None = None,
     slow: float = 0.1,
+    resolve: float | None = None,
     rng: int | np.random.SeedSequence = 0,
     workers: int = 1,
 ) -> None:
@@ -333,6 +368,8 @@ def check_long_run(
     if accuracy is not None:
         positive("accuracy", accuracy)
     positive("slow", slow)
+    if resolve is not None:
+        non_negative("resolve", resolve)
 
 
 def long_run(
@@ -344,6 +381,7 @@ def long_run(
     paths: int = LONG_RUN_PATHS,
     burn_in: int | None = None,
     slow: float = 0.1,
+    resolve: float | None = None,
     budget: float | None = None,
     rng: int | np.random.SeedSequence = 0,
     workers: int = 1,
@@ -354,14 +392,19 @@ def long_run(
     Path 0 starts where the scene says, all others anywhere between the walls.
 
     `accuracy`: Largest half width of the 95 % intervals of `quantities`, over their value; 0.01 by
-    default. `budget`: Seconds of processor time that it may take, all threads together; compiling
-    is not counted.  Without it, what is expected to take more than an hour is refused. `rng`: Seed.
-    The result is the same bit for bit for any number of workers.
+    default. `resolve`: Speed down to which impacts at closed meshes are followed one by one; 0 for
+    all of them, by default an eighth of `slow` (`rattle.montecarlo.schemes.quiet`). `budget`:
+    Seconds of processor time that it may take, all threads together; compiling is not counted.
+    When it ends, what there is is returned.  Without it, what is expected to take more than an hour
+    is refused. `rng`: Seed. The result is the same bit for bit for any number of workers.
     """
-    check_long_run(scene, accuracy, periods, quantities, paths, burn_in, slow, rng, workers)
+    check_long_run(
+        scene, accuracy, periods, quantities, paths, burn_in, slow, resolve, rng, workers
+    )
     goal = (
         None if periods is not None else LONG_RUN_ACCURACY if accuracy is None else float(accuracy)
     )
+    quiet = quiet_of(scene, slow, resolve)
     limit = begin_budget(budget)
     seed = rng if isinstance(rng, np.random.SeedSequence) else np.random.SeedSequence(rng)
     began = time.perf_counter()
@@ -369,23 +412,61 @@ def long_run(
         warm_up(scene, slow)
     if progress:
         do(f"{progress}: timing a few paths")
-        _state_estimate(progress, expect_run(scene, paths, periods, burn_in, slow), paths, budget)
+        expected = expect_run(scene, paths, periods, burn_in, slow, resolve)
+        _state_estimate(progress, expected, paths, budget)
     bar = ProgressBar(label=progress, unit="period")
     with ThreadPoolExecutor(workers) as pool, bar:
-        followed = LongPaths(scene, paths, seed, slow, limit, pool, bar)
-        for _ in range(RESTARTS):
-            found = settle(followed, burn_in)
-            _pilot(followed)
-            reach = _gather(followed, goal, periods, tuple(quantities))
-            main = followed.main
-            late = drift(
-                main, slice(0, main.shape[1] // 4), slice(main.shape[1] // 2, main.shape[1])
-            )
-            if late.reached or burn_in is not None:
-                break
-        if not late.reached:
-            raise refusal(followed.elapsed, late)
-    left_out = found._replace(periods=followed.elapsed - followed.periods)
+        followed = LongPaths(scene, paths, seed, slow, quiet, limit, pool, bar)
+        settled, reach, late = _settle_and_gather(
+            followed, burn_in, goal, periods, tuple(quantities)
+        )
+    widened = 1.0 if settled.reached else max(UNSETTLED, min(abs(late.size), MOST_WIDENED))
     return LongRun(
-        scene, followed.collect(), left_out, reach, late, slow, time.perf_counter() - began
+        scene=scene,
+        sums=followed.collect(),
+        burn_in=settled,
+        reach=reach,
+        late=late,
+        slow=slow,
+        quiet=quiet.speed,
+        widened=widened,
+        asked_periods=periods,
+        wall_seconds=time.perf_counter() - began,
     )
+
+
+def _settle_and_gather(
+    followed: LongPaths,
+    burn_in: int | None,
+    goal: float | None,
+    periods: int | None,
+    quantities: tuple[str, ...],
+) -> tuple[BurnIn, LongReach | None, Contrast]:
+    """Follow paths through burn-in, pilot run and stationary motion, again while that still
+    drifts."""
+    limit = followed.limit
+    for _ in range(RESTARTS):
+        settled = settle(followed, burn_in)
+        _pilot(followed)
+        reach = _gather(followed, goal, periods, quantities)
+        late = _late_drift(followed.main)
+        ended = limit.remaining < BURN_IN_SHARE * limit.seconds
+        if late.reached or burn_in is not None or not settled.reached or ended:
+            break
+    if not late.reached and math.isinf(limit.seconds):
+        raise refusal(followed.elapsed, late)
+    left_out = followed.elapsed - followed.periods
+    settled = settled._replace(periods=left_out, reached=settled.reached and late.reached)
+    return settled, reach, late
+
+
+def _late_drift(main: Floats) -> Contrast:
+    """Compare the first quarter of the stationary motion with its last half, where it has four
+    parts.
+
+    Shapes: `main` (paths, batches, MAIN).
+    """
+    batches = main.shape[1]
+    if batches < 4:
+        return Contrast("", 0.0, math.inf)
+    return drift(main, slice(0, batches // 4), slice(batches // 2, batches))

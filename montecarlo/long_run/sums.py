@@ -40,7 +40,10 @@ NOISE = WORK + 4
 `rattle.montecarlo.long_run.noise_work`."""
 ABOVE_SPEED = NOISE + CONTROLS
 """Columns of `Sums.main` from here: speed of impacts that are not slow, of each group."""
-MAIN = ABOVE_SPEED + MESH_GROUPS
+LEFT_OUT = ABOVE_SPEED + MESH_GROUPS
+"""Columns of `Sums.main` from here: what impacts that are not followed lose at closed meshes, how
+long meshes are closed for them, and the most of them that are not slow."""
+MAIN = LEFT_OUT + 3
 FLIGHT = 0
 ABOVE = 2
 DISTRIBUTION_KINDS = 3
@@ -281,6 +284,25 @@ def add_stretch(
         _add_wheel(0, c.wall1, c.beta1, states[p], sine, cosine, walls, p, main)
         if two:
             _add_wheel(1, c.wall2, c.beta2, states[p], sine, cosine, walls, p, main)
+
+
+@internal
+def add_closed(c: Constants, closed: Floats, s: Sums) -> None:
+    """Add what is not followed at closed meshes to the sums of each path.
+
+    Shapes: `closed` (4, paths or more), see `rattle.montecarlo.schemes.lanes.Room`.
+    """
+    for p in range(len(s.main)):
+        main = s.main[p, s.batch[0]]
+        lost1 = closed[0, p]
+        lost2 = closed[1, p]
+        main[ENERGY] += lost1 + lost2
+        if c.stages == 2:
+            main[4 + ENERGY] += lost1
+            main[8 + ENERGY] += lost2
+        main[LEFT_OUT] += lost1 + lost2
+        main[LEFT_OUT + 1] += closed[2, p]
+        main[LEFT_OUT + 2] += closed[3, p]
 
 
 def no_scales(slow: float) -> Scales:

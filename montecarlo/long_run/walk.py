@@ -14,11 +14,12 @@ import numpy as np
 from rattle.montecarlo.kernel.block import Plan, begin_block
 from rattle.montecarlo.kernel.kernel import COLUMNS, Job, Output, block_kernel
 from rattle.montecarlo.long_run.noise_work import add_noise_work, has_controls
-from rattle.montecarlo.long_run.sums import NOISE, PERIOD, SAMPLES, Sums, add_stretch
+from rattle.montecarlo.long_run.sums import NOISE, PERIOD, SAMPLES, Sums, add_closed, add_stretch
 from rattle.montecarlo.noise.philox import Word
 from rattle.montecarlo.schemes.exact_flight import EXACT
 from rattle.montecarlo.schemes.lanes import Lanes, Room
 from rattle.montecarlo.schemes.step_size import default_step
+from rattle.montecarlo.schemes.step_state import Quiet
 from rattle.montecarlo.schemes.time_scales import time_scales
 from rattle.scene import Constants, Floats, Ints, Scene
 from rattle.scene.compiled import jit
@@ -32,6 +33,7 @@ MOST_STRETCHES_OF_A_PERIOD = 8  # stretches of a period at the most
 STRETCHES_APART = 2**32  # between the numbers of a path in two stretches
 MANY_IMPACTS = 256  # impacts of a path in a stretch from which on stretches become shorter
 RUN = block_kernel(EXACT)
+ALL_FOLLOWED = Quiet()  # the whole motion at closed meshes
 BEGIN, PERIODS, STRETCHES, LONG = range(4)
 """Entries of `Block.counters`: step of the period at which the next stretch begins; periods and
 stretches followed so far; stretches of the period in which a path had very many impacts."""
@@ -113,6 +115,7 @@ def follow_stretches(
         last = b.every.last.copy()
         eta = b.room.eta.copy()
         b.every.impacts[:] = 0
+        b.room.closed[:] = 0.0
         RUN(b.job, tau, part, b.every, b.room, Output(number, rows, fixed, b.samples, b.none))
         most = 0
         for p in range(paths):
@@ -131,6 +134,7 @@ def follow_stretches(
         put(b.state, states[:, samples - 1])
         flanks = b.every.walls[0]
         add_stretch(b.job.c, rows[0], impacts, b.struck, states, flanks, at, between, sums)
+        add_closed(b.job.c, b.room.closed, sums)
         count[STRETCHES] += 1
         count[BEGIN] += part
         count[LONG] += most >= MANY_IMPACTS
@@ -178,9 +182,18 @@ def _spread_starts(
 
 
 class Walk:
-    """A block of paths, followed as long as wanted; `steps`: in a period."""
+    """A block of paths, followed as long as wanted; `first`: number of the first path; `steps`: in
+    a period."""
 
-    def __init__(self, scene: Scene, seed: np.random.SeedSequence, first: int, paths: int) -> None:
+    def __init__(
+        self,
+        scene: Scene,
+        seed: np.random.SeedSequence,
+        first: int,
+        paths: int,
+        quiet: Quiet = ALL_FOLLOWED,
+    ) -> None:
+        self.first = first
         self.paths = paths
         self.steps = steps_per_period(scene)
         dt = PERIOD / self.steps
@@ -189,7 +202,7 @@ class Walk:
         state = every.state[0, :, :paths]
         _spread_starts(scene, state, every.walls[0, :, :paths], seed, first)
         self._block = Block(
-            job=job,
+            job=job._replace(quiet=quiet),
             tau=scene.phase,
             controls=has_controls(scene.constants),
             first=first,
@@ -204,6 +217,13 @@ class Walk:
         )
         self._fixed = self._instants(self.steps)
         self._rows = np.empty((1, paths, IMPACT_ROOM, COLUMNS))
+
+    def leave_out(self, most: float) -> None:
+        """Hold meshes closed from now on while impacts that are not slow have at most this rate
+        there."""
+        job = self._block.job
+        quiet = job.quiet._replace(most=most)
+        self._block = self._block._replace(job=job._replace(quiet=quiet))
 
     @property
     def periods(self) -> int:

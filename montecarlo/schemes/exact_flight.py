@@ -46,7 +46,13 @@ from rattle.montecarlo.schemes.step_state import (
     of_mesh,
     put_on_wall,
 )
-from rattle.montecarlo.schemes.sticking import stick_to_end, sticking_sides
+from rattle.montecarlo.schemes.sticking import (
+    close_meshes,
+    find_closed,
+    join_closed,
+    open_part,
+    stick_to_end,
+)
 from rattle.montecarlo.schemes.time_scales import (
     MEMORY_REASON,
     Limit,
@@ -258,8 +264,25 @@ def advance_exactly(
 
     On the stack, ``inside.ahead``, are length, increment and area of the parts of the step still
     ahead, the nearest on top.  Cuts 2 i and 2 i + 1 share the four normals of an index.
+    Beside a closed mesh the other stage flies as a single one.
     """
-    c = inside.c
+    hold = inside.hold
+    if hold.first != 0 and (hold.second != 0 or inside.c.stages == 1):
+        sides = hold.first, hold.second
+        return stick_to_end(inside.c, at, sides, walls), phase
+    at = close_meshes(inside.c, at, hold, walls)
+    c, alone, open_walls = open_part(inside.c, at, hold, walls)
+    flown = not inside.known or hold.first != 0 or hold.second != 0
+    moved, phase = _advance(inside, c, flown, met, alone, phase, open_walls)
+    return join_closed(at, moved, hold), phase
+
+
+@inline
+def _advance(
+    inside: Inside, c: Constants, flown: bool, met: int, at: Progress, phase: Phase, walls: Walls
+) -> tuple[Progress, Phase]:
+    """`advance_exactly` where no mesh is closed; `flown`: whether the end of the flight is not that
+    of the whole step."""
     ahead = inside.ahead
     index = Word(inside.step) * SPLITS + CUTS_APART * Word(met)
     tau = at.tau
@@ -268,9 +291,8 @@ def advance_exactly(
     code, lead, _ = _due(c, s, walls)
     if code != 0 and lead < left:
         return _struck(c, at, phase, code, max(lead, 0.0), walls)
-    end = inside.whole  # known as long as there was no impact in this step
+    end = inside.whole
     turned = phase
-    flown = met != 0
     cuts = top = 0
     z3 = z4 = 0.0
     _put(ahead, 0, left, at.noise)
@@ -356,6 +378,6 @@ EXACT = Scheme(
     join_noise=join_halves,
     phase_at=phase_at,
     advance=advance_exactly,
-    find_sticking=sticking_sides,
+    find_sticking=find_closed,
     stick_to_end=stick_to_end,
 )

@@ -54,6 +54,9 @@ class Room(NamedTuple):
     hits: Ints
     # scratch of `rattle.montecarlo.schemes.exact_flight.advance_exactly`; (MOST_PARTS, 3)
     ahead: Floats
+    # of the motion at closed meshes: energy lost at mesh 1 and at mesh 2, time, and bound on the
+    # number of impacts that are not slow; (4, lanes)
+    closed: Floats
 
 
 def lanes_of(
@@ -90,6 +93,7 @@ def lanes_of(
         groups=np.empty(lanes // 8 + 1, np.int64),
         hits=np.empty(lanes + 1, np.int64),
         ahead=np.empty((MOST_PARTS, 3)),
+        closed=np.zeros((4, lanes)),
     )
     return every, room
 

@@ -10,7 +10,7 @@ from typing import Any
 
 from rattle.montecarlo.schemes.lanes import Lanes
 from rattle.montecarlo.schemes.short_flight import Phase
-from rattle.montecarlo.schemes.step_state import Inside, Progress, Walls
+from rattle.montecarlo.schemes.step_state import Hold, Inside, Progress, Quiet, Walls
 from rattle.montecarlo.schemes.time_scales import Limit
 from rattle.scene import Bools, Constants, Floats, Scene
 from rattle.scene.sticking import Sides
@@ -41,8 +41,9 @@ class Scheme:
     join_noise: Callable[[Floats, Floats, Floats, Floats, bool, int], None]
     phase_at: Callable[[Any, float], Phase]  # what a step knows of the drive at its start
     # to the next impact within a step, or to its end, from where a path is after so many impacts
+    # and beside the meshes that are closed
     advance: Callable[[Inside, int, Progress, Phase, Walls], tuple[Progress, Phase]]
-    find_sticking: Callable[[Constants, Progress, Walls], Sides]  # meshes closed to the step's end
+    find_sticking: Callable[[Constants, Progress, Walls, Quiet], Hold]  # meshes that are closed
     stick_to_end: Callable[[Constants, Progress, Sides, Walls], Progress]  # the path at that end
 
     @property

@@ -46,6 +46,33 @@ class Progress(NamedTuple):
     state: State
 
 
+class Quiet(NamedTuple):
+    """Down to which speed the motion of a mesh at its wall is followed impact by impact.
+
+    The defaults follow all of it.
+    """
+
+    speed: float = 0.0  # up to which a mesh at its wall may be held closed
+    slow: float = 0.0  # speed of impacts that noise must not make at a closed mesh
+    tail: float = 0.0  # exponent of their distribution, `rattle.montecarlo.schemes.quiet`
+    most: float = 0.0  # largest rate of such impacts at which a mesh is held closed
+    relaxed: float = 0.0  # times of relaxation that a mesh must stay closed
+
+
+class Hold(NamedTuple):
+    """Meshes that are held closed in what is left of a step, and what is not followed there."""
+
+    first: int  # first, second: sides on which mesh 1 and mesh 2 are closed; 0 for an open mesh
+    second: int
+    # ended1, ended2: energies of the motions at both meshes that end when they are closed
+    ended1: float
+    ended2: float
+    # power1, power2: energies per unit of time that impacts by noise would lose
+    power1: float
+    power2: float
+    above: float  # bound on the rate of impacts that are not slow
+
+
 class Inside(NamedTuple):
     """A step of a path, within which it is followed from impact to impact."""
 
@@ -55,6 +82,8 @@ class Inside(NamedTuple):
     step: int  # number of the step, in finest steps
     level: int  # 0 for dt, 1 for 2 dt, ...
     whole: State  # at the end of the whole step, if no wall is met
+    known: bool  # whether that is where this flight ends: nothing has happened in the step so far
+    hold: Hold  # meshes that are closed in this flight
     # scratch of `rattle.montecarlo.schemes.exact_flight.advance_exactly`; (MOST_PARTS, 3)
     ahead: Floats
 

@@ -20,7 +20,7 @@ SEARCH = {"between": (0.01, 0.1), **FEW}
 ASKED = {
     "stationary": (
         partial(stationary, SCENE, periods=64, paths=16, budget=1e-3),
-        rf"^x: 160 periods of 16 paths at the least, {TIME} of processor time, more than the budget"
+        rf"^x: 88 periods of 16 paths at the least, {TIME} of processor time, more than the budget"
         r" of 1 ms$",
     ),
     "sensitivity": (

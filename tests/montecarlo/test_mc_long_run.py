@@ -172,7 +172,7 @@ SECOND = 1.0  # of a block of paths and a period
 
 
 class Watched:
-    """A clock that each period of a block moves on; what compiles is not counted."""
+    """A clock that each period of all paths moves on; what compiles is not counted."""
 
     def __init__(self, monkeypatch):
         self.now = 0.0
@@ -180,32 +180,39 @@ class Watched:
         monkeypatch.setattr("rattle.montecarlo.kernel.blocks.time.process_time", lambda: self.now)
 
         def followed(walk, sums, periods=1, length=1, seen=None):
-            self.now += SECOND * periods * (walk.paths > 1)
+            first = walk.paths > 1 and walk.first == 0
+            self.now += SECOND * periods * first
             follow(walk, sums, periods, length, seen)
 
         monkeypatch.setattr(Walk, "follow", followed)
 
 
-@pytest.mark.parametrize("budget", [3.0, 20.0, 33.0])
-def test_a_budget_that_ends_before_there_is_an_answer_says_what_would_do(monkeypatch, budget):
-    """At least 32 periods of burn-in were followed, and 64 after it, whatever the budget was."""
-    watched = Watched(monkeypatch)
-    with pytest.raises(InputError, match="of processor time more") as refused:
-        long_run(SCENE, accuracy=1e-9, paths=16, budget=budget, burn_in=32)
-    assert refused.value.field == "budget"
-    assert watched.now <= budget + SECOND
-
-
-@pytest.mark.parametrize("budget", [60.0, 120.0, 1500.0])
-def test_the_best_answer_is_within_the_budget(monkeypatch, budget):
+@pytest.mark.parametrize("budget", [5.0, 20.0, 60.0, 120.0, 1500.0])
+def test_a_budget_gives_the_best_answer_that_it_allows(monkeypatch, budget):
+    """Half of it goes into a burn-in that does not fit, and then the answer says so."""
     watched = Watched(monkeypatch)
     found = long_run(SCENE, accuracy=1e-9, paths=16, budget=budget, burn_in=32)
-    assert watched.now <= budget + SECOND
+    assert watched.now <= 1.1 * budget + SECOND
     assert watched.now >= 0.9 * budget
-    assert not found.reach.reached
-    assert found.reach.more_seconds > budget
-    assert "more would suffice" in found.reach.sentence
-    assert found.periods + 32 <= budget
+    assert found.periods + found.burn_in.periods <= 1.1 * budget + 1.0
+    assert not found.reached
+    assert found.burn_in.reached == (budget > 64.0)
+    if found.burn_in.reached:
+        assert found.reach.more_seconds > budget
+        assert "more would suffice" in found.reach.sentence
+    else:
+        assert "The start may not be forgotten" in found.burn_in.sentence
+
+
+def test_intervals_are_wider_where_the_start_may_not_be_forgotten(monkeypatch):
+    """By the drift that was seen, and twice at the least."""
+    Watched(monkeypatch)
+    found = long_run(SCENE, accuracy=1e-9, paths=16, budget=20.0, burn_in=32)
+    forgotten = replace(found, widened=1.0).estimates["rate"]
+    rate = found.estimates["rate"]
+    assert found.widened >= 2.0
+    assert rate.value == forgotten.value
+    assert rate.high - rate.low == pytest.approx(found.widened * (forgotten.high - forgotten.low))
 
 
 def test_without_a_budget_no_clock_decides(monkeypatch):

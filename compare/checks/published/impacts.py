@@ -226,7 +226,9 @@ def _balance(name: str, run: LongRun, kept: float = 1.0, noise: float = 1.0) -> 
 def energy_law(seed: int = 0, workers: int = 2) -> Found:
     """Check the energy balance of eight long runs, driven and not, of one stage and of two."""
     runs = {
-        name: long_run(scene, periods=periods, rng=seed + 31 * i, workers=workers)
+        name: long_run(
+            scene, periods=periods, paths=CHECK_PATHS, rng=seed + 31 * i, workers=workers
+        )
         for i, (name, (scene, periods)) in enumerate(SCENES.items())
     }
     light = [
@@ -245,6 +247,7 @@ def energy_law(seed: int = 0, workers: int = 2) -> Found:
 CASES = ((0.25, 0.5), (0.2, 0.6), (0.3, 0.4))
 # noise and periods of the noisy run, of the first case
 WEAK = 1e-3
+CHECK_PATHS = 256  # of a long run
 CHECKED_PERIODS = 256
 SLACK = 2e-6  # orbits are found to 1e-8 of their state
 
@@ -274,7 +277,9 @@ def impact_pair(seed: int = 0, workers: int = 2) -> Found:
     orbits = {case: attractor(_pair(*case)) for case in CASES}
     noisy = _pair(*CASES[0], WEAK)
     law = linear_law(noisy, orbits[CASES[0]])
-    estimates = long_run(noisy, periods=CHECKED_PERIODS, rng=seed, workers=workers).estimates
+    estimates = long_run(
+        noisy, periods=CHECKED_PERIODS, paths=CHECK_PATHS, rng=seed, workers=workers
+    ).estimates
 
     def states(factor: float = 1.0) -> Iterator[Check]:
         """Phase (modulo half a period) and speed of the impacts."""

@@ -34,7 +34,7 @@ def test_impacts_above_the_threshold_stand_first(found):
     first, second, *_ = answer(found)
     assert "374.8" in first
     assert "impacts a second faster than 1.88 mm/s, half of them faster than 20" in first
-    assert second.startswith("The others are chatter: 3,")
+    assert second.startswith("The others are chatter: 1,")
     assert "mesh 1 for 31 % of the time" in second
 
 

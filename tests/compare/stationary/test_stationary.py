@@ -2,6 +2,7 @@
 and refusals."""
 
 import math
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -108,16 +109,16 @@ def test_intervals_that_rest_on_few_paths_are_named():
     assert planted.effective_paths < 3.0
     assert planted.high - planted.low > 8.0 * planted.se  # 4 for normal parts
     assert planted.low == 0.0  # as a share is never less
-    said = "The standard error of `slow_share` rests on about 2 of 32 paths"
+    rests = f"{planted.effective_paths:.0f} of 32 paths"
+    said = f"The standard error of `slow_share` rests on about {rests}"
     assert said in " ".join(answer(burst))
 
 
 def test_attractors_that_little_noise_does_not_connect_are_named():
     apart = Scene(alpha=0.3, epsilon=0.8, beta1=0.05, gamma1=0.0, stages=1, sigma=1e-6)
-    said = r"Without noise, of 12 starts, the motion of \d+% is periodic"
-    with pytest.raises(BurnInError, match=said) as caught:
-        rt.stationary(apart, paths=32, budget=2.0)
-    assert caught.value.field == "burn_in"
+    found = rt.stationary(apart, paths=32, budget=2.0, closures=[])
+    assert not found.run.burn_in.reached
+    assert re.search(r"Without noise, of 12 starts, the motion of \d+% is periodic", found.said)
 
 
 def test_command_writes_its_page(tmp_path):

@@ -1,0 +1,80 @@
+"""What is left out at meshes that are pressed shut: nothing that is asked for."""
+
+import math
+
+import numpy as np
+import pytest
+
+from rattle.montecarlo.long_run import long_run
+from rattle.montecarlo.long_run.sums import ENERGY, NUMBER, PERIOD, new_sums, no_scales
+from rattle.montecarlo.long_run.walk import Walk
+from rattle.montecarlo.schemes.quiet import quiet_of, tail_exponent
+from rattle.scene import Scene
+
+CHATTER = Scene(
+    alpha=1.6,
+    epsilon=0.45,
+    beta1=0.02,
+    beta2=0.05,
+    gamma1=0.36,
+    gamma2=0.3,
+    mu=0.5,
+    gap2=0.4,
+    sigma=0.045,
+)
+
+
+def follow(resolve, seed):
+    return long_run(CHATTER, periods=64, paths=16, burn_in=16, resolve=resolve, rng=seed)
+
+
+@pytest.fixture(scope="module")
+def runs():
+    return follow(0.0, 1), follow(None, 2)
+
+
+def test_a_tenth_of_the_impacts_gives_what_is_asked_for(runs):
+    """Rates above a speed, speeds and energy; 5 % put in are noticed."""
+    whole, part = runs
+    assert part.impacts < 0.3 * whole.impacts
+    assert whole.left_out[1:] == (0.0, 0.0)
+    for name in ("rate_above", "speed_above", "power", "power_mesh1", "power_mesh2"):
+        a = whole.estimates[name]
+        b = part.estimates[name]
+        allowed = 4.0 * math.hypot(a.se, b.se)
+        assert abs(b.value - a.value) < allowed, name
+        assert abs(1.05 * b.value - a.value) > allowed, name  # negative control
+
+
+def test_what_is_left_out_is_stated(runs):
+    _, part = runs
+    time, energy, above = part.left_out
+    assert 0.1 < time < 1.0
+    assert 0.0 < energy < 0.01
+    assert above < 1e-3 * part.estimates["rate_above"].value
+    assert part.quiet == 0.0125
+
+
+@pytest.mark.parametrize("stages", [1, 2])
+def test_the_noise_that_closed_meshes_take_up_is_energy_lost(stages):
+    """Pressed shut all the time: what the noise supplies (docs/model.md section 10)."""
+    second = {"beta2": 0.0, "gamma2": 3.0, "mu": 0.5} if stages == 2 else {}
+    pressed = Scene(
+        alpha=1.0, epsilon=0.5, beta1=0.0, gamma1=3.0, sigma=0.05, stages=stages, **second
+    )
+    walk = Walk(pressed, np.random.SeedSequence(3), 0, 4, quiet_of(pressed, 0.1, None))
+    walk.follow(new_sums(4, 16, no_scales(0.1), detail=False), periods=16)
+    sums = new_sums(4, 16, no_scales(0.1), detail=False)
+    walk.follow(sums, periods=16)
+    assert sums.main[:, :, NUMBER].sum() == 0.0
+    wheels = 1.0 if stages == 1 else 2.0  # of equal mass
+    supplied = 0.25 * pressed.sigma**2 * wheels * PERIOD
+    assert sums.main[:, :, ENERGY] == pytest.approx(supplied, rel=1e-3)
+
+
+def test_the_tail_of_impact_speeds():
+    """Restitution does not matter up to a half; a nearly elastic mesh keeps its energy."""
+    assert tail_exponent(0.0) == pytest.approx(1.0)
+    assert tail_exponent(0.5) == pytest.approx(1.0)
+    assert tail_exponent(0.99) == pytest.approx(0.03, rel=0.01)
+    assert quiet_of(CHATTER, 0.1, 0.0).speed == 0.0
