@@ -25,8 +25,9 @@ FIRST_BUDGET = 12.0  # of the first, rough answer: ten seconds on two cores
 REFINED_FROM = 2.0 * FIRST_BUDGET  # budget from which on a second answer is better
 LEAST_BUDGET = 5.0
 CLOSURES_ASSESSED = ("saltation", "branching")  # the two that hold at all (README)
-AROUND_SIGMA = 10.0  # the range of a closure is searched from a tenth of the scene's noise on
-ASSESSED_POINTS = 3  # of which the scene's own noise is the second
+# a closure is judged at the scene's noise, and where it is wrong there at a tenth of it and between
+SEARCHED_DOWN = 10.0
+ASSESSED_POINTS = 2
 ASSESSED_WIDTH = 0.5
 LONG_RUN = "the long run"
 LEVERS = "the levers"
@@ -224,7 +225,7 @@ def _measure_range(scene: Scene, work: _Work, budget: float, closure: str) -> Bo
         scene,
         closure=closure,
         impacts=ASSESSED_IMPACTS,
-        between=(scene.sigma / AROUND_SIGMA, scene.sigma * AROUND_SIGMA) if scene.sigma else None,
+        between=(scene.sigma / SEARCHED_DOWN, scene.sigma) if scene.sigma else None,
         points=ASSESSED_POINTS,
         width=ASSESSED_WIDTH,
         budget=budget,
