@@ -248,7 +248,10 @@ def derivatives(flight: LinearFlight, mesh: int, side: int, d: int) -> tuple[Flo
 
     Shapes: `first` (d, d + k); `second` (1 + k, d + k, d + k).
     """
-    states = flight.rate.size
+    drift_rate = flight.rate
+    explicit = flight.explicit
+    propagator = flight.propagator
+    states = drift_rate.size
     size = d + states
     i = 2 * mesh - 1  # place of the struck displacement
     flank = column(mesh, side)
@@ -262,14 +265,14 @@ def derivatives(flight: LinearFlight, mesh: int, side: int, d: int) -> tuple[Flo
     rate[0] = 1.0
     for k in range(PLAIN_COMPONENTS, d):
         flown[k, k] = 1.0
-    begun = apply(flight.propagator, flight.begun)
+    begun = apply(propagator, flight.begun)
     for k in range(states):
         at = section_index(k, d)
-        rate[at] = flight.rate[k]
+        rate[at] = drift_rate[k]
         flown[at, 0] = rate[at] - begun[k]
         flown[at, d + k] = 1.0
         for m in range(states):
-            flown[at, section_index(m, d)] = flight.propagator[k, m]
+            flown[at, section_index(m, d)] = propagator[k, m]
             matrix[at, section_index(m, d)] = flight.matrix[k, m]
     drift = times(matrix, flown)
     bend = apply(matrix, rate)  # second time derivative along the flight
@@ -281,11 +284,11 @@ def derivatives(flight: LinearFlight, mesh: int, side: int, d: int) -> tuple[Flo
     if varies:
         flown[i, flank] = side
     second = np.zeros((1 + states, size, size))
-    start_term = apply(flight.propagator, flight.initial)
+    start_term = apply(propagator, flight.initial)
     for k in range(states):
         at = section_index(k, d)
-        drift[at, 0] += flight.explicit[k]
-        bend[at] += flight.explicit[k]
+        drift[at, 0] += explicit[k]
+        bend[at] += explicit[k]
         curve = second[1 + k]
         add_outer(curve, 1.0, drift[at], late)
         add_outer(curve, 1.0, late, drift[at])
@@ -298,7 +301,7 @@ def derivatives(flight: LinearFlight, mesh: int, side: int, d: int) -> tuple[Flo
         put_scaled(second[0, m], second[i, m], -rate[i])
         for k in range(states):
             for n in range(size):
-                second[1 + k, m, n] += flight.rate[k] * second[0, m, n]
+                second[1 + k, m, n] += drift_rate[k] * second[0, m, n]
         for n in range(size):
             second[i, m, n] = 0.0
     return flown, second

@@ -128,24 +128,19 @@ def _examine(c: Constants, b: Buffers, i: int, level: Level, before: Floats) -> 
     Its error is what that split is worth.
     """
     start = b.start
-    image = b.image
-    section = image.section
+    section = b.image.section
     w = start.weight[i]
     centre = start.mean[i]
     bent = start.bent[i]
     doubt = start.doubt[i]
-    section.weight[2 * i] = w
-    section.weight[2 * i + 1] = 0.0
-    b.error[i] = 0.0
-    b.depth[i] = 0.0
-    b.halved[i] = 0.0
-    b.doubt[i] = 0.0
     rank, full = component.root(start.covariance[i])
     axes = full[:, :rank].copy()
     t, code = component.event(c, centre, before)
     b.slow[i] = _slow(c, centre, t, code, before)
+    axis = b.axis[i]
     n = np.zeros(rank)
-    depth = 0.0
+    v = n
+    depth = error = cut = tail = tail_doubt = halved = 0.0
     own = 1.0
     pieces = 1
     if w > LIGHT and rank > 0 and code != 0:
@@ -164,66 +159,75 @@ def _examine(c: Constants, b: Buffers, i: int, level: Level, before: Floats) -> 
                 b.ignored[i] |= 1 << (other + 2)  # the noise until that impact does not lead to it
                 depth = 0.0
             elif depth > TAIL_DISTANCE:
-                b.error[i] = w
-                b.depth[i] = depth
+                cut = depth
                 b.beyond[i] = other
-                linalg.put_row(b.axis[i], v)
+                linalg.put_row(axis, v)
             else:
                 pieces = 2
-                b.halved[i] = depth
+                halved = depth
                 linalg.put_row(b.plane[i], v)
+    section.weight[2 * i + 1] = 0.0
     worst = most = 0.0
     for k in range(pieces):
-        _, rate, variance = component.half(depth, k == 0) if pieces == 2 else (1.0, 0.0, 1.0)
-        share = component.half(depth / own, k == 0)[0] if pieces == 2 else 1.0
-        narrow = math.sqrt(variance)
-        section.weight[2 * i + k] = w * share
+        share = 1.0
+        narrow = 1.0
         at = centre
         across = axes
         if pieces == 2:
-            at = linalg.beyond(centre, rate, linalg.apply(axes, n))
+            _, rate, variance = component.half(depth, k == 0)
+            share = component.half(depth / own, k == 0)[0]
+            narrow = math.sqrt(variance)
+            at = linalg.beyond(centre, rate, v)
             across = axes.copy()
-            linalg.add_outer(across, narrow - 1.0, linalg.apply(axes, n), n)
-        bend, u = component.propagate(c, at, across, image, 2 * i + k, before)
+            linalg.add_outer(across, narrow - 1.0, v, n)
+        section.weight[2 * i + k] = w * share
+        bend, u = component.propagate(c, at, across, b.image, 2 * i + k, before)
         section.bent[2 * i + k] = bent + bend
         section.doubt[2 * i + k] = doubt
         most = max(most, bend)
-        if b.depth[i] > 0.0:
-            b.tail[i], b.doubt[i] = _weigh(depth, own, bent + bend)
-            return
-        error = w * share * bend**POWER if bend > level.flat else 0.0
-        b.error[i] += error
-        if pieces == 1 or error > worst:
-            worst = error
+        if cut > 0.0:
+            continue
+        worth = w * share * bend**POWER if bend > level.flat else 0.0
+        error += worth
+        if pieces == 1 or worth > worst:
+            worst = worth
             if pieces == 2:
                 shear = (1.0 / narrow - 1.0) * linalg.dot(u, n)
                 for m in range(rank):
                     u[m] += shear * n[m]  # normal of the same planes, in sds of the whole component
                 linalg.put_scaled(u, u, linalg.norm(u))
-            linalg.put_row(b.axis[i], linalg.apply(axes, u))
-    if pieces == 2:
+            linalg.put_row(axis, linalg.apply(axes, u))
+    if cut > 0.0:
+        error = w
+        tail, tail_doubt = _weigh(depth, own, bent + most)
+    elif pieces == 2:
         share, more = _weigh(depth, own, bent + most)
         section.doubt[2 * i] = math.hypot(doubt, more * share / (1.0 - share))
         section.doubt[2 * i + 1] = math.hypot(doubt, more)
         crossing = BRANCH * w * math.exp(-0.5 * depth * depth)
-        if crossing > b.error[i]:
-            linalg.put_row(b.axis[i], linalg.apply(axes, n))
-        b.error[i] += crossing
+        if crossing > error:
+            linalg.put_row(axis, v)
+        error += crossing
+    b.error[i] = error
+    b.depth[i] = cut
+    b.halved[i] = halved
+    b.tail[i] = tail
+    b.doubt[i] = tail_doubt
 
 
-@splice
-def _doubles(c: Constants, b: Buffers, i: int, before: Floats) -> bool:
+@internal
+def _doubles(c: Constants, ignored: int, centre: Floats, axis: Floats, before: Floats) -> bool:
     """Whether an outer third of a component would reach beyond a boundary whose tail was split off
     already.
 
     The rest of a Gaussian without its tail is a Gaussian again, and what it has beyond that
     boundary is not its own.
     """
-    if b.depth[i] > 0.0 or b.ignored[i] == 0:
+    if ignored == 0:
         return False
     for side in (-1.0, 1.0):
-        end = linalg.beyond(b.start.mean[i], side * component.THIRD_CENTRE, b.axis[i])
-        if b.ignored[i] & (1 << (component.event(c, end, before)[1] + 2)):
+        end = linalg.beyond(centre, side * component.THIRD_CENTRE, axis)
+        if ignored & (1 << (component.event(c, end, before)[1] + 2)):
             return True
     return False
 
@@ -233,59 +237,72 @@ def _cut(b: Buffers, i: int, count: int) -> int:
     """Replace component `i` by two or three across its axis, the others from `count` on; returns
     the new count."""
     parts = b.start
-    v = b.axis[i].copy()
+    section = b.image.section
+    ignored = b.ignored
+    means = parts.mean
+    spreads = parts.covariance
+    doubts = parts.doubt
+    v = b.axis[i]
     w = parts.weight[i]
-    centre = parts.mean[i].copy()
-    sigma = parts.covariance[i].copy()
-    pieces = 2 if b.depth[i] > 0.0 else 3
-    code = b.image.section.label[2 * i]
+    centre = means[i].copy()
+    sigma = spreads[i].copy()
+    depth = b.depth[i]
+    seen = ignored[i]
+    pieces = 2 if depth > 0.0 else 3
     bent = parts.bent[i]
     if pieces == 3:
-        bent += SHARE_LEFT_BY_SPLIT * (b.image.section.bent[2 * i] - bent)
+        bent += SHARE_LEFT_BY_SPLIT * (section.bent[2 * i] - bent)
     for k in range(pieces):
         at = i if k == 0 else count + k - 1
         if pieces == 2:
-            _, place, variance = component.half(b.depth[i], k == 0)
+            _, place, variance = component.half(depth, k == 0)
             share = 1.0 - b.tail[i] if k == 0 else b.tail[i]
         else:
             share = component.THIRD_WEIGHT if k > 0 else 1.0 - 2.0 * component.THIRD_WEIGHT
             place = 0.0 if k == 0 else (2 * k - 3) * component.THIRD_CENTRE
             variance = component.THIRD_WIDTH**2
         parts.weight[at] = w * share
-        linalg.put_row(parts.mean[at], linalg.beyond(centre, place, v))
-        linalg.put(parts.covariance[at], sigma)
-        linalg.add_outer(parts.covariance[at], variance - 1.0, v, v)
-        parts.label[at], b.ignored[at], b.parent[at] = parts.label[i], b.ignored[i], b.parent[i]
-        parts.bent[at], parts.doubt[at] = bent, parts.doubt[i]
+        linalg.put_row(means[at], linalg.beyond(centre, place, v))
+        linalg.put(spreads[at], sigma)
+        linalg.add_outer(spreads[at], variance - 1.0, v, v)
+        parts.label[at] = parts.label[i]
+        b.parent[at] = b.parent[i]
+        parts.bent[at] = bent
+        doubts[at] = doubts[i]
+        ignored[at] = seen
     if pieces == 2:
-        parts.doubt[count] = math.hypot(parts.doubt[count], b.doubt[i])
-        b.ignored[count] |= 1 << (code + 2)
-        b.ignored[i] |= 1 << (b.beyond[i] + 2)
+        doubts[count] = math.hypot(doubts[count], b.doubt[i])
+        ignored[count] |= 1 << (section.label[2 * i] + 2)
+        ignored[i] |= 1 << (b.beyond[i] + 2)
     return count + pieces - 1
 
 
 @jit
-def add_noise(c: Constants, live: int, b: Buffers) -> float:
-    """Add the noise of the next flight to the components, at its start.
+def add_noise(
+    c: Constants, weight: Floats, mean: Floats, covariance: Floats, live: int, flown: Floats
+) -> float:
+    """Add the noise of the next flight to the components, at its start; returns the weight that is
+    discarded.
 
     The displacement ``exp(-A t) n`` leads to the same state at the end of the flight.  A component
     whose flight is damped by more than ``exp(-DAMPED)`` is discarded: flown back, its noise has no
     digits left.
+
+    `flown`: Takes the time of each component's flight.
     """
     before = np.empty(4)
     discarded = 0.0
     for i in range(live):
-        t, code = component.event(c, b.start.mean[i], before)
+        t, code = component.event(c, mean[i], before)
         if code != 0 and t * max(c.beta1, c.beta2) > DAMPED:
-            discarded += b.start.weight[i]
-            b.start.weight[i] = 0.0
+            discarded += weight[i]
+            weight[i] = 0.0
         elif code != 0:
-            back = jacobian(c, -t)
-            noise = linalg.congruence(back, noise_covariance(c, b.start.mean[i, 0], t))
+            noise = linalg.congruence(jacobian(c, -t), noise_covariance(c, mean[i, 0], t))
             for m in range(4):
                 for n in range(4):
-                    b.start.covariance[i, 1 + m, 1 + n] += noise[m, n]
-        b.ignored[i], b.parent[i], b.time[i] = 0, i, t
+                    covariance[i, 1 + m, 1 + n] += noise[m, n]
+        flown[i] = t
     return discarded
 
 
@@ -297,30 +314,35 @@ def fly(c: Constants, live: int, b: Buffers, level: Level) -> int:
     ``b.image``.
     """
     before = np.empty(4)
+    error = b.error
     # seen: components examined already, except the last one that was split
     count = live
     last = 0
     seen = 0
-    while True:
+    while count > seen:
         for k in range(seen, count + (1 if seen > 0 else 0)):
-            _examine(c, b, last if k == count else k, level, before)
+            i = last if k == count else k
+            _examine(c, b, i, level, before)
         seen = count
-        if count + 2 > level.cut:
-            return count
-        last = linalg.largest(b.error, count)
-        while b.error[last] >= level.worth and _doubles(c, b, last, before):
-            b.error[last] = 0.0
-            last = linalg.largest(b.error, count)
-        if b.error[last] < level.worth:
-            return count
-        count = _cut(b, last, count)
+        splits = count + 2 <= level.cut
+        while splits:
+            last = linalg.largest(error, count)
+            splits = error[last] >= level.worth
+            if b.depth[last] > 0.0:
+                break
+            if not _doubles(c, b.ignored[last], b.start.mean[last], b.axis[last], before):
+                break
+            error[last] = 0.0
+        if splits:
+            count = _cut(b, last, count)
+    return count
 
 
 @jit
 def _strike(
     c: Constants,
     redrawn: Floats,
-    start: Mixture,
+    itinerary: Ints,
     image: Image,
     count: int,
     own: int,
@@ -329,11 +351,13 @@ def _strike(
     """Apply the restitution map to all images, packed to the front; returns their number and the
     weight without impact.
 
-    The labels of `after` are the impact, ``mesh * side``, plus `ON_ORBIT` if the itinerary is still
-    the orbit's, whose impact is `own`.  `redrawn` has the variances of the deviations of +1, -1,
-    +2, -2 that contacts draw anew; it is empty if none are.
+    The labels of `after` are the impact, ``mesh * side``, plus `ON_ORBIT` if the `itinerary` of the
+    component is still the orbit's, whose impact is `own`.  `redrawn` has the variances of the
+    deviations of +1, -1, +2, -2 that contacts draw anew; it is empty if none are.
     """
     section = image.section
+    means = section.mean
+    spreads = section.covariance
     flight = image.flight
     kept = 0
     discarded = 0.0
@@ -345,24 +369,26 @@ def _strike(
         if code == 0:
             discarded += w
             continue
-        hit = contact_matrix(c, abs(code), section.mean.shape[1], 1)
+        hit = contact_matrix(c, abs(code), means.shape[1], 1)
         section.weight[kept] = w
         section.label[kept] = code
         linalg.put_row(flight[kept], flight[i])
-        linalg.put_row(section.mean[kept], section.mean[i])
-        linalg.put(section.covariance[kept], section.covariance[i])
-        after.weight[kept] = w
-        linalg.put_row(after.mean[kept], linalg.apply(hit, section.mean[i]))
-        linalg.put(after.covariance[kept], linalg.congruence(hit, section.covariance[i]))
+        linalg.put_row(means[kept], means[i])
+        linalg.put(spreads[kept], spreads[i])
+        mean = after.mean[kept]
+        spread = after.covariance[kept]
+        linalg.put_row(mean, linalg.apply(hit, means[i]))
+        linalg.put(spread, linalg.congruence(hit, spreads[i]))
         if redrawn.size > 0:
             flank = column(abs(code), -code)
-            after.mean[kept, flank] = 0.0
-            for k in range(hit.shape[0]):  # nothing is known of a deviation that is drawn anew
-                after.covariance[kept, flank, k] = after.covariance[kept, k, flank] = 0.0
-            after.covariance[kept, flank, flank] = redrawn[flank - PLAIN_COMPONENTS]
+            mean[flank] = 0.0
+            for k in range(mean.size):  # nothing is known of a deviation that is drawn anew
+                spread[flank, k] = spread[k, flank] = 0.0
+            spread[flank, flank] = redrawn[flank - PLAIN_COMPONENTS]
+        after.weight[kept] = w
         after.bent[kept] = section.bent[i]
         after.doubt[kept] = section.doubt[i]
-        after.label[kept] = code + (ON_ORBIT if start.label[i // 2] > 2 and code == own else 0)
+        after.label[kept] = code + (ON_ORBIT if itinerary[i // 2] > 2 and code == own else 0)
         kept += 1
     return kept, discarded
 
@@ -397,18 +423,23 @@ class Advance:
     def fly(self) -> Mixture:
         """Fly to the next impact; returns the components before they were split, with the noise of
         the flight."""
-        self.discarded += add_noise(self.constants, self.live, self.buffers)
-        start = self.buffers.start
+        b = self.buffers
+        start = b.start
         n = self.live
+        self.discarded += add_noise(
+            self.constants, start.weight, start.mean, start.covariance, n, b.time
+        )
+        b.ignored[:n] = 0
+        b.parent[:n] = np.arange(n)
         whole = Mixture._make(part[:n].copy() for part in start)
-        self.flown = fly(self.constants, self.live, self.buffers, self.level)
+        self.flown = fly(self.constants, n, b, self.level)
         return whole
 
     def strike(self, own: int) -> None:
         """Apply the restitution map; `own` is the orbit's impact, ``mesh * side``."""
         b = self.buffers
         self.kept, endless = _strike(
-            self.constants, self.redrawn, b.start, b.image, self.flown, own, self.after
+            self.constants, self.redrawn, b.start.label, b.image, self.flown, own, self.after
         )
         self.discarded += endless
         self.struck += 1

@@ -139,8 +139,9 @@ def _depth(gap: float, variance: float) -> float:
 @splice
 def _at(
     c: Constants,
-    f: InFlight,
-    parent: int,
+    t: float,
+    centre: Floats,
+    regression: Floats,
     mean: Floats,
     covariance: Floats,
     time: float,
@@ -148,9 +149,11 @@ def _at(
     spread: Floats,
 ) -> None:
     """State at a time, of the starts with the time `mean[0]` and this Gaussian: its mean and
-    covariance."""
+    covariance.
+
+    `t`, `centre`, `regression`: As of `InFlight`, of the component before splitting.
+    """
     d = mean.size
-    t = f.time[parent]
     done = min(max(time - mean[0], 0.0), t)
     # derivative of the state at the start, with the noise up to `time` only
     turned = np.zeros((4, d))
@@ -159,11 +162,9 @@ def _at(
     put(spread, congruence(turned, covariance))
     start = mean[1:PLAIN_COMPONENTS].copy()
     if done < t:
-        rest = congruence(
-            jacobian(c, -t), noise_covariance(c, f.centre[parent, 0] + done, t - done)
-        )
-        gain = times(rest, f.regression[parent, 1:PLAIN_COMPONENTS])
-        back = apply(gain, mean - f.centre[parent])
+        rest = congruence(jacobian(c, -t), noise_covariance(c, centre[0] + done, t - done))
+        gain = times(rest, regression[1:PLAIN_COMPONENTS])
+        back = apply(gain, beyond(mean, -1.0, centre))
         for i in range(4):
             start[i] -= back[i]
             for j in range(d):
@@ -195,19 +196,23 @@ def _add(
     """Gaussians of the state at a time on a flight, three for each component; returns the share of
     started paths."""
     started = 0.0
-    d = f.mean.shape[1]
-    for j in range(f.weight.size):
-        share, shift, narrow = _below(_depth(time - f.mean[j, 0], f.covariance[j, 0, 0]))
-        share *= f.weight[j]
+    weights = f.weight
+    means = f.mean
+    spreads = f.covariance
+    ends = f.end
+    d = means.shape[1]
+    along = np.empty(d)
+    for j in range(weights.size):
+        share, shift, narrow = _below(_depth(time - means[j, 0], spreads[j, 0, 0]))
+        share *= weights[j]
         started += share
         if share < LEAST_COMPONENT_WEIGHT:
             continue
-        m = f.mean[j].copy()
-        s = f.covariance[j].copy()
+        m = means[j].copy()
+        s = spreads[j].copy()
         crossing = f.crossing[j].copy()
-        end = f.end[j, 0]
-        variance = f.end[j, 1]
-        along = np.zeros(d)
+        end = ends[j, 0]
+        variance = ends[j, 1]
         if narrow < 1.0:
             sd = math.sqrt(s[0, 0])
             put_scaled(along, s[0], sd)
@@ -229,11 +234,15 @@ def _add(
         if s[0, 0] > 0.0:
             put_scaled(along, s[0], math.sqrt(s[0, 0]))
         _cut(m, s, along, 0.0, 0.0)  # tau is given
+        parent = f.parent[j]
+        t = f.time[parent]
+        centre = f.centre[parent]
+        regression = f.regression[parent]
         for point in range(3):
             at = 3 * j + point
             given = beyond(m, HERMITE_POINTS[point], along)
             weight[at] = share * HERMITE_WEIGHTS[point]
-            _at(c, f, f.parent[j], given, s, time, mean[at], covariance[at])
+            _at(c, t, centre, regression, given, s, time, mean[at], covariance[at])
     return started
 
 

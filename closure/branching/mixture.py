@@ -40,24 +40,22 @@ def _spread(parts: Mixture, members: Ints, axis: Floats, centre: Floats) -> floa
     Their principal axis and mean are written to `axis` and `centre`.
     """
     d = centre.size
+    weight = parts.weight
+    mean = parts.mean
     total = 0.0
     for a in range(d):
         centre[a] = 0.0
     for i in members:
-        total += parts.weight[i]
+        total += weight[i]
         for a in range(d):
-            centre[a] += parts.weight[i] * parts.mean[i, a]
+            centre[a] += weight[i] * mean[i, a]
     for a in range(d):
         centre[a] /= total
     between = np.zeros((d, d))
     for i in members:
         for a in range(d):
             for b in range(d):
-                between[a, b] += (
-                    parts.weight[i]
-                    * (parts.mean[i, a] - centre[a])
-                    * (parts.mean[i, b] - centre[b])
-                )
+                between[a, b] += weight[i] * (mean[i, a] - centre[a]) * (mean[i, b] - centre[b])
     values, vectors = eigen(between)
     for a in range(d):
         axis[a] = vectors[a, d - 1]
@@ -91,8 +89,10 @@ def reduce(parts: Mixture, count: int, most: int, out: Mixture) -> int:
 
     `most`: Largest number of components that may be left; at least the number of labels.
     """
-    d = parts.mean.shape[1]
-    order = _by_label(parts.label, count)
+    means = parts.mean
+    label = parts.label
+    d = means.shape[1]
+    order = _by_label(label, count)
     first = np.zeros(most, np.int64)
     last = np.zeros(most, np.int64)
     gain = np.zeros(most)
@@ -100,7 +100,7 @@ def reduce(parts: Mixture, count: int, most: int, out: Mixture) -> int:
     centres = np.zeros((most, d))
     groups = 0
     for at in range(count):
-        if at == 0 or parts.label[order[at]] != parts.label[order[at - 1]]:
+        if at == 0 or label[order[at]] != label[order[at - 1]]:
             first[groups] = at
             groups += 1
         last[groups - 1] = at + 1
@@ -116,7 +116,7 @@ def reduce(parts: Mixture, count: int, most: int, out: Mixture) -> int:
             i = order[low]
             along = 0.0
             for a in range(d):
-                along += (parts.mean[i, a] - centres[g, a]) * axes[g, a]
+                along += (means[i, a] - centres[g, a]) * axes[g, a]
             if along < 0.0:
                 low += 1
             else:
@@ -134,29 +134,32 @@ def reduce(parts: Mixture, count: int, most: int, out: Mixture) -> int:
             if last[h] - first[h] > 1:
                 gain[h] = _spread(parts, order[first[h] : last[h]], axes[h], centres[h])
         groups += 1
+    gap = np.empty(d)
     for g in range(groups):
-        out.weight[g] = 0.0
-        out.mean[g] = 0.0
-        out.covariance[g] = 0.0
-        out.bent[g] = out.doubt[g] = 0.0
-        out.label[g] = parts.label[order[first[g]]]
+        mean = out.mean[g]
+        spread = out.covariance[g]
+        mean[:] = 0.0
+        spread[:] = 0.0
+        total = bent = doubt = 0.0
+        out.label[g] = label[order[first[g]]]
         for i in order[first[g] : last[g]]:
             w = parts.weight[i]
-            total = out.weight[g] + w
-            gap = parts.mean[i] - out.mean[g]
+            total += w
             share = w / total
             for a in range(d):
+                gap[a] = means[i, a] - mean[a]
+            for a in range(d):
                 for b in range(d):
-                    out.covariance[g, a, b] += share * (
-                        parts.covariance[i, a, b]
-                        - out.covariance[g, a, b]
-                        + (1.0 - share) * gap[a] * gap[b]
+                    spread[a, b] += share * (
+                        parts.covariance[i, a, b] - spread[a, b] + (1.0 - share) * gap[a] * gap[b]
                     )
             for a in range(d):
-                out.mean[g, a] += share * gap[a]
-            out.bent[g] += share * (parts.bent[i] - out.bent[g])
-            out.doubt[g] += share * (parts.doubt[i] - out.doubt[g])
-            out.weight[g] = total
+                mean[a] += share * gap[a]
+            bent += share * (parts.bent[i] - bent)
+            doubt += share * (parts.doubt[i] - doubt)
+        out.weight[g] = total
+        out.bent[g] = bent
+        out.doubt[g] = doubt
     return groups
 
 

@@ -7,7 +7,7 @@ flanks where they vary; a Gaussian component is a centre and a square root of it
 """
 
 import math
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 import numpy as np
 
@@ -25,6 +25,8 @@ from rattle.scene.compiled import internal, jit, splice
 from rattle.scene.flight import field, flow, jacobian, noise_covariance
 from rattle.scene.impact import next_impact
 
+NO_IMPACTS = cast(int, np.int64(0))
+"""Bit mask of no impacts, of a non-literal type: numba compiles a function again for a literal."""
 BISECTIONS = 6  # steps to locate a boundary, and as many again for the nearest one
 NEWTON_RETURNS = 8  # Newton steps back to a wall, from beyond it: each squares the relative error
 LONGEST_FLIGHT = 100.0  # longest flight; a component without an impact by then is discarded
@@ -226,7 +228,7 @@ def cut_plane(
     # a step of the search is 0.1 sds, and so much further off the weight beyond is smaller by a
     # third
     near = max(nearest - far / 2.0**BISECTIONS, 0.0)
-    nearest = _boundary(c, centre, axes, u, code, 0, near, nearest, before)[0]
+    nearest = _boundary(c, centre, axes, u, code, NO_IMPACTS, near, nearest, before)[0]
     if nearest > reach:
         return code, u
     linalg.put_scaled(u, u, nearest)
@@ -400,11 +402,15 @@ def propagate(
     flight[1] = linalg.dot(own, own)
     if straight:
         for j in range(PLAIN_COMPONENTS):
-            mean[j] += 0.5 * np.trace(curve[j])
+            trace = 0.0
+            for k in range(rank):
+                trace += curve[j, k, k]
+            mean[j] += 0.5 * trace
             for k in range(PLAIN_COMPONENTS):
                 spread[j, k] += 0.5 * linalg.inner(curve[j], curve[k])
-        flight[0] += 0.5 * np.trace(curve[0])
-        flight[1] += 0.5 * linalg.inner(curve[0], curve[0])
+            if j == 0:
+                flight[0] += 0.5 * trace
+                flight[1] += 0.5 * linalg.inner(curve[0], curve[0])
         return bend, u
     ends = np.empty((2, d))
     times = np.empty(2)

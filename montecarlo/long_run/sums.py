@@ -281,9 +281,10 @@ def add_stretch(
             for column in range(4):
                 main[column] = main[4 + column] + main[8 + column]
             main[ABOVE_SPEED] = main[ABOVE_SPEED + 1] + main[ABOVE_SPEED + 2]
-        _add_wheel(0, c.wall1, c.beta1, states[p], sine, cosine, walls, p, main)
-        if two:
-            _add_wheel(1, c.wall2, c.beta2, states[p], sine, cosine, walls, p, main)
+        for i in range(c.stages):
+            wall = c.wall2 if i else c.wall1
+            beta = c.beta2 if i else c.beta1
+            _add_wheel(i, wall, beta, states[p], sine, cosine, walls, p, main)
 
 
 @internal

@@ -99,58 +99,65 @@ def follow_stretches(
     `rows` (1, paths, impacts, COLUMNS).
     """
     count = b.counters
+    job = b.job
+    every = b.every
+    room = b.room
+    state = b.state
+    struck = b.struck
+    flanks = every.walls[0]
     samples = fixed.size - 1
     part = fixed[samples - 1]
-    between = fixed[0] * b.job.dt
-    paths = len(b.state)
-    impacts = b.every.impacts[0, :paths]
+    between = fixed[0] * job.dt
+    paths = len(state)
+    impacts = every.impacts[0, :paths]
+    lacking = 0
     for _ in range(stretches):
         if count[PERIODS] == until:
             break
-        tau = b.tau + count[BEGIN] * b.job.dt
+        tau = b.tau + count[BEGIN] * job.dt
         number = count[STRETCHES] * STRETCHES_APART + b.first
-        for i in range(b.room.path.size):
-            b.room.path[i] = Word(number + i)
-        walls = b.every.walls[0].copy()
-        last = b.every.last.copy()
-        eta = b.room.eta.copy()
-        b.every.impacts[:] = 0
-        b.room.closed[:] = 0.0
-        RUN(b.job, tau, part, b.every, b.room, Output(number, rows, fixed, b.samples, b.none))
+        for i in range(room.path.size):
+            room.path[i] = Word(number + i)
+        walls = flanks.copy()
+        last = every.last.copy()
+        eta = room.eta.copy()
+        every.impacts[:] = 0
+        room.closed[:] = 0.0
+        RUN(job, tau, part, every, room, Output(number, rows, fixed, b.samples, b.none))
         most = 0
         for p in range(paths):
             most = max(most, impacts[p])
         if most >= rows.shape[2]:
-            put(b.every.walls[0], walls)
-            put(b.every.last, last)
-            put_row(b.room.eta, eta)
-            put(b.every.state[0, :, :paths], b.state.T)
-            return int(most)
+            put(flanks, walls)
+            put(every.last, last)
+            put_row(room.eta, eta)
+            put(every.state[0, :, :paths], state.T)
+            lacking = most
+            break
         states = b.samples[0, :, :samples]
         at = tau + between
         if b.controls and len(sums.power) > 0:
             out = sums.main[:, sums.batch[0], NOISE:]
-            add_noise_work(b.job.c, rows[0], impacts, b.state, states, at, between, out)
-        put(b.state, states[:, samples - 1])
-        flanks = b.every.walls[0]
-        add_stretch(b.job.c, rows[0], impacts, b.struck, states, flanks, at, between, sums)
-        add_closed(b.job.c, b.room.closed, sums)
+            add_noise_work(job.c, rows[0], impacts, state, states, at, between, out)
+        put(state, states[:, samples - 1])
+        add_stretch(job.c, rows[0], impacts, struck, states, flanks, at, between, sums)
+        add_closed(job.c, room.closed, sums)
         count[STRETCHES] += 1
         count[BEGIN] += part
         count[LONG] += most >= MANY_IMPACTS
         if count[BEGIN] == b.steps:
             count[BEGIN] = 0
             count[PERIODS] += 1
-            for p in range(b.every.last.shape[1]):
-                b.every.last[0, p] -= PERIOD
+            for p in range(every.last.shape[1]):
+                every.last[0, p] -= PERIOD
             for p in range(paths):
                 for mesh in range(2):
-                    b.struck[p, mesh] -= PERIOD
+                    struck[p, mesh] -= PERIOD
             if (until - count[PERIODS]) % length == 0:
                 sums.batch[0] += 1
             if count[LONG] > 0:
                 break
-    return 0
+    return int(lacking)
 
 
 def steps_per_period(scene: Scene) -> int:
