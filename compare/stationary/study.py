@@ -127,7 +127,7 @@ class LongCell(Cell):
                 raise BudgetEnded from error
             raise
         run = result.run
-        if run is not None and self.periods is not None and run.periods < self.periods:
+        if run is not None and self.periods is not None and not run.reached:
             raise BudgetEnded
         parts = [result.table.reset_index().assign(closure="")]
         if run is not None:
