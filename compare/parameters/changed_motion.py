@@ -16,7 +16,7 @@ from rattle.montecarlo.kernel.blocks import Budget
 from rattle.montecarlo.long_run import AtRest
 from rattle.montecarlo.long_run.estimates import estimates
 from rattle.montecarlo.long_run.paths import LongPaths, warm_up
-from rattle.montecarlo.long_run.run import LEAST_IMPACTS, apart, drift, settle
+from rattle.montecarlo.long_run.run import settle
 from rattle.montecarlo.long_run.sums import NUMBER, Collected, Scales, scales_of_pilot
 from rattle.montecarlo.schemes.quiet import quiet_of
 from rattle.montecarlo.settings import is_random
@@ -28,11 +28,9 @@ PATHS_OF_A_GROUP = 2  # the fewest of which a quantity has a value
 GROUP_NUMBERS = (16, 8, 4)
 """Independent groups, as many as the budget allows: Student's t with three degrees of freedom is
 half as wide again as with fifteen."""
-TEST_PERIODS = 16  # of the unchanged scene; those of their last half set the scales for all scenes
+SCALE_PERIODS = 8  # periods of the unchanged scene that set the scales for all scenes
 PROBED_PERIODS = 2
 QUIET_SECONDS = 2e-6  # nominal processor time of a period of a path without impacts: its steps
-MEMORIES = (1, 2, 4)
-"""Periods after which the paths may have forgotten their start."""
 
 
 class Shared:
@@ -72,7 +70,8 @@ class Shared:
         stream = np.random.SeedSequence(self._seed)
         slow = same_speed(self.slow, self.scene, scene)
         quiet = quiet_of(scene, slow, None)
-        return LongPaths(scene, self.paths, stream, slow, quiet, self._limit, self._pool, self._bar)
+        limit = self._limit
+        return LongPaths(scene, self.paths, stream, slow, quiet, limit, self._pool, self._bar)
 
     def scales(self, slow: float) -> Scales:
         """The scales of distributions, for a scene in which this speed is slow."""
@@ -85,40 +84,19 @@ class Shared:
         same states, so that what the start leaves behind is the same in all of them.
         """
         base = self.base
+        try:
+            settled = settle(base, None)
+        except AtRest as rest:
+            why = f"{rest.remedy}. Give a larger drive or less drag"
+            raise InputError("scene", "at rest", why) from None
+        base.reserve = 0.0
+        base.begin()
         seen: list[Floats] = []
-        base.follow(TEST_PERIODS // 2)
-        base.follow(TEST_PERIODS, seen)
-        memory = self._find_memory()
-        if not memory:
-            try:
-                settle(base, None)
-            except AtRest as rest:
-                why = f"{rest.remedy}. Give a larger drive or less drag"
-                raise InputError("scene", "at rest", why) from None
-            memory = base.main.shape[1] // 4 * base.length
-            seen.clear()
-            base.begin()
-            base.follow(TEST_PERIODS // 2, seen)
-        if not seen:
-            why = f"ends before the {TEST_PERIODS} periods that set the scales; give a larger one"
-            raise InputError("budget", self._limit.seconds, why)
+        base.follow(SCALE_PERIODS, seen)
         scales = scales_of_pilot(np.concatenate(seen), self.slow)
         base.begin(scales)
-        return 2 * memory, scales  # twice, for what the test cannot see
-
-    def _find_memory(self) -> int:
-        """Periods after which the paths have forgotten their start; 0 where none that were followed
-        suffice."""
-        main = self.base.main
-        late = slice(TEST_PERIODS // 2, TEST_PERIODS)
-        impacts = float(main[:, late, NUMBER].sum()) / len(main)
-        if main.shape[1] < TEST_PERIODS or impacts < LEAST_IMPACTS:
-            return 0
-        early = slice(TEST_PERIODS // 4, TEST_PERIODS // 2)
-        if not (self.base.are_sets or apart(main, early, late).reached):
-            return 0
-        forgotten = (k for k in MEMORIES if drift(main, slice(k, 2 * k), late).reached)
-        return next(forgotten, 0)
+        # its second quarter agrees with its second half; twice, for what the test cannot see
+        return 2 * max(settled.periods // 4, 1), scales
 
 
 def count_work(scene: Scene, slow: float) -> float:
