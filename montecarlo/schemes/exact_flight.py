@@ -270,11 +270,16 @@ def advance_exactly(
     if hold.first != 0 and (hold.second != 0 or inside.c.stages == 1):
         sides = hold.first, hold.second
         return stick_to_end(inside.c, at, sides, walls), phase
-    at = close_meshes(inside.c, at, hold, walls)
-    c, alone, open_walls = open_part(inside.c, at, hold, walls)
-    flown = not inside.known or hold.first != 0 or hold.second != 0
-    moved, phase = _advance(inside, c, flown, met, alone, phase, open_walls)
-    return join_closed(at, moved, hold), phase
+    held = hold.first != 0 or hold.second != 0
+    c = inside.c
+    before = at
+    if held:
+        before = close_meshes(c, at, hold, walls)
+        c, at, walls = open_part(c, before, hold, walls)
+    at, phase = _advance(inside, c, held or not inside.known, met, at, phase, walls)
+    if held:
+        at = join_closed(before, at, hold)
+    return at, phase
 
 
 @inline
