@@ -15,6 +15,7 @@ from rattle.compare.report.json_text import json_text, plain
 from rattle.compare.report.save import csv_text
 
 ROOT = Path(__file__).resolve().parents[3]
+GEARBOX = ROOT / "examples" / "gearbox.toml"
 SINGLE = (
     "[scene]\nalpha = 1.5\nepsilon = 0.9\nbeta1 = 0.08\ngamma1 = 0.05\nstages = 1\nsigma = 0.1\n"
 )
@@ -31,6 +32,7 @@ SMALL = {
     "judge": "predicted.csv samples.csv --out out",
     "boundary": "--impacts 1 --over sigma=0.001:2:2 --width 0.9 --out out",
     "sensitivity": "scene.toml --parameter epsilon --quantity power --accuracy 1 --out out",
+    "run-up": f"{GEARBOX} --over speed_rpm=800:900:2 --seconds 1 --budget 1 --out out",
     "stationary": "scene.toml --paths 64 --periods 64 --out out",
 }
 """A small run of each command that has ``--json``."""

@@ -14,6 +14,7 @@ SMALL = {
     "boundary": "--impacts 2 --over sigma=0.001:2:3 --width 0.4 --out",
     "chaos": "--points 200 --impacts 20000 --events 128 --width 0.5 --over alpha=0.8:15:2 --out",
     "check order": "--impacts 2 --paths 1000",
+    "run-up": "--over speed_rpm=800:900:2 --seconds 1 --budget 1 --out",
     "sensitivity": "--parameter epsilon --quantity power --accuracy 1 --out",
     "simulate": "--impacts 3 --paths 500 --out",
     "stationary": "--periods 64 --paths 16 --burn-in 10 --out",
