@@ -266,20 +266,9 @@ def advance_exactly(
     ahead, the nearest on top.  Cuts 2 i and 2 i + 1 share the four normals of an index.
     Beside a closed mesh the other stage flies as a single one.
     """
-    hold = inside.hold
-    if hold.first != 0 and (hold.second != 0 or inside.c.stages == 1):
-        sides = hold.first, hold.second
-        return stick_to_end(inside.c, at, sides, walls), phase
-    held = hold.first != 0 or hold.second != 0
-    c = inside.c
-    before = at
-    if held:
-        before = close_meshes(c, at, hold, walls)
-        c, at, walls = open_part(c, before, hold, walls)
-    at, phase = _advance(inside, c, held or not inside.known, met, at, phase, walls)
-    if held:
-        at = join_closed(before, at, hold)
-    return at, phase
+    if inside.hold.first == 0 and inside.hold.second == 0:
+        return _advance(inside, inside.c, not inside.known, met, at, phase, walls)
+    return _advance_beside(inside, met, at, phase, walls)
 
 
 @inline
@@ -343,6 +332,22 @@ def _advance(
         _put(ahead, top, h - cut * h, second)
         top += 1
         _put(ahead, top, cut * h, first)
+
+
+@lean_internal
+def _advance_beside(
+    inside: Inside, met: int, at: Progress, phase: Phase, walls: Walls
+) -> tuple[Progress, Phase]:
+    """`advance_exactly` beside a closed mesh; called, for the flight of open meshes must not wait
+    for which constants it takes."""
+    hold = inside.hold
+    if hold.first != 0 and (hold.second != 0 or inside.c.stages == 1):
+        sides = hold.first, hold.second
+        return stick_to_end(inside.c, at, sides, walls), phase
+    before = close_meshes(inside.c, at, hold, walls)
+    c, alone, beside = open_part(inside.c, before, hold, walls)
+    moved, phase = _advance(inside, c, True, met, alone, phase, beside)
+    return join_closed(before, moved, hold), phase
 
 
 def accurate_flight(scene: Scene) -> Limit:
