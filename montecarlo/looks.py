@@ -102,7 +102,7 @@ class Looks:
             self._size = self._later.pop(0)
             began = clock()
             yield self._size
-            pace = (clock() - began) / self._size
+            pace = (clock() - began) / max(self._size, 1)
 
     def expect(self, needed: float) -> None:
         """Choose the next look by the size that is expected to decide; NaN where no size does."""

@@ -259,15 +259,17 @@ class Compiler:
     says so.
 
     `depth`: Functions that are being compiled now, each for the one before. `functions`: Compiled
-    so far, without those that are part of others.
+    so far, without those that are part of others. `processor_seconds`: Of this process, meanwhile.
     """
 
     def __init__(self) -> None:
         self.depth = 0
         self.functions = 0
         self._lock = threading.RLock()
+        self.processor_seconds = 0.0
         self._seconds = 0.0
         self._began = 0.0
+        self._began_processor = 0.0
         self._speaker: Speaker | None = None
 
     def begin(self) -> None:
@@ -277,6 +279,7 @@ class Compiler:
             if self.depth > 1:
                 return
             self._began = time.monotonic()
+            self._began_processor = time.process_time()
             alone = (
                 multiprocessing.parent_process() is None and "PYTEST_CURRENT_TEST" not in os.environ
             )
@@ -291,6 +294,7 @@ class Compiler:
                 return
             self.functions += 1
             self._seconds += time.monotonic() - self._began
+            self.processor_seconds += time.process_time() - self._began_processor
             speaker = self._speaker
             self._speaker = None
         if speaker is not None:

@@ -84,7 +84,7 @@ class Assessment(Finding):
         """Whether impacts were seen in the long run; None where it is not known."""
         if self.motion is None:
             return None
-        return self.motion.kind != "rest" and self.motion.table["value"]["rate"] > 0.0
+        return self.motion.kind != "rest" and bool(self.motion.table["value"]["rate"] > 0.0)
 
     @property
     def table(self) -> pd.DataFrame:

@@ -159,7 +159,7 @@ def show_quantity(table: pd.DataFrame, name: str) -> str:
     half = 0.5 * (high - low)
     if value == 0.0 and high > 0.0:
         text = f"none seen, fewer than {number_text(high, 2)}"
-    elif half == 0.0:
+    elif not half > 0.0:  # exact, or without an interval
         text = number_text(value, 5)
     else:
         text = f"{number_text(value, _digits(value, half))} ± {number_text(half, 1)}"

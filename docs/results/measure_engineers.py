@@ -39,6 +39,8 @@ def measure(command: str, gears: Path) -> dict[str, object]:
         try:
             done = subprocess.run(words, cwd=folder, capture_output=True, timeout=LONGEST)
             code = done.returncode
+            if code not in (0, 3):
+                print(done.stderr.decode()[-300:], flush=True)
             sentences = len(done.stdout.decode().splitlines()) - 1  # the last is the page's place
         except subprocess.TimeoutExpired:
             code = None

@@ -14,6 +14,7 @@ from typing import Any
 from rattle.montecarlo.kernel.block import BlockResult, Plan, run
 from rattle.scene import Floats
 from rattle.scene.errors import BudgetEnded
+from rattle.scene.progress import compiler
 
 HOUR = 3600.0
 """Seconds that an accuracy may take where no budget is given."""
@@ -62,9 +63,9 @@ def run_blocks(plan: Plan, first: int, end: int) -> list[tuple[BlockResult, Floa
 
 
 def clock() -> float:
-    """Processor time of this process so far, all threads together, in seconds: other work on the
-    machine is none."""
-    return time.process_time()
+    """Processor time of this process so far, all threads together, in seconds, without that of
+    compiling: neither that nor other work on the machine is charged to a budget."""
+    return time.process_time() - compiler.processor_seconds
 
 
 class Budget:

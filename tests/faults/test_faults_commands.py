@@ -21,7 +21,7 @@ WRITERS = {
     ),
     "tradeoff": "--out",
     "chaos": "--no-sweep --out",
-    "claims": "--out",
+    "check claims": "--out",
 }
 """Commands that write a report folder, by way of `rattle.compare.report.folder.whole_folder` alone.
 """

@@ -91,7 +91,12 @@ def test_a_study_into_the_report_of_another_command(file, tmp_path):
     assert everything(out) == before
 
 
-REPORTS = {"validate": "dat21", "tradeoff": "tradeoff", "chaos": "chaos", "claims": "claims"}
+REPORTS = {
+    "validate": "dat21",
+    "tradeoff": "tradeoff",
+    "chaos": "chaos",
+    "check claims": "claims",
+}
 
 
 @pytest.mark.usefixtures("no_work")

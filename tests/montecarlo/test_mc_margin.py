@@ -11,6 +11,7 @@ from rattle.montecarlo.noise.brownian import Noise
 from rattle.montecarlo.noise.philox import key_of
 from rattle.montecarlo.schemes.exact_flight import advance_exactly
 from rattle.montecarlo.schemes.step_state import MOST_PARTS, Inside, Progress, Walls
+from rattle.montecarlo.schemes.sticking import hold_only
 from rattle.scene import Scene
 from rattle.scene.compiled import jit
 from rattle.scene.drive import sine_cosine
@@ -36,7 +37,7 @@ def share_that_hits(c, key, first, paths, distance, room):
     s = (c.wall1 - distance, 0.0, 0.0, 0.0)
     for p in range(paths):
         at = Progress(0, TAU, H, Noise(0.0, 0.0), s)
-        step = Inside(c, key, np.uint64(first + p), 0, 0, s, room)
+        step = Inside(c, key, np.uint64(first + p), 0, 0, s, True, hold_only((0, 0)), room)
         after, _ = advance_exactly(step, 0, at, sine_cosine(TAU), walls)
         hits += after.code != 0
     return hits / paths

@@ -271,4 +271,4 @@ def test_bad_input_of_the_command_is_refused_before_any_work(tmp_path):
         (["--sigma", "-1"], "sigma = -1"),
         (["--impacts", "5"], "impacts = 5"),
     ):
-        assert named in rattle("claims", *words, "--out", tmp_path / "o", code=2).output
+        assert named in rattle("check claims", *words, "--out", tmp_path / "o", code=2).output

@@ -17,6 +17,7 @@ from rattle.montecarlo.noise.brownian import Noise
 from rattle.montecarlo.noise.philox import STEP, Word, key_of, normals
 from rattle.montecarlo.schemes.exact_flight import advance_exactly
 from rattle.montecarlo.schemes.step_state import MOST_PARTS, Inside, Progress, Walls
+from rattle.montecarlo.schemes.sticking import hold_only
 from rattle.montecarlo.statistics.intervals import widest
 from rattle.scene import DAT21, Scene, Start
 from rattle.scene.compiled import jit
@@ -135,9 +136,9 @@ def _returns(c, key, log_speed):
             at = Progress(0, tau, h, noise, (x, y, 0.0, 0.0))
             phase = sine_cosine(at.tau)
             # as after an impact in this step: its end without walls is not known here
-            at, _ = advance_exactly(
-                Inside(c, key, Word(p), n, 0, NOWHERE, room), 1, at, phase, walls
-            )
+            hold = hold_only((0, 0))
+            inside = Inside(c, key, Word(p), n, 0, NOWHERE, False, hold, room)
+            at, _ = advance_exactly(inside, 1, at, phase, walls)
             x = at.state[0]
             y = at.state[1]
             if at.code != 0:
