@@ -58,7 +58,7 @@ def test_the_table_of_simulate_on_a_full_disk(tmp_path):
 ENDLESS = 600.0  # seconds in which any machine has loaded a library
 LONG = {
     "validate": "--paths 100000000",
-    "order": "--paths 1000000",
+    "check order": "--paths 1000000",
     "study": "study.toml",
     "chaos": "",
 }
@@ -86,11 +86,11 @@ def begin(command, place):
     """A command as a process; in `said` it lists what it has loaded."""
     place.mkdir()
     (place / "study.toml").write_text(study(impacts=2, paths=50_000_000, sigma=(0.1, 0.2)))
-    words = [sys.executable, "-X", "importtime", "-m", "rattle.compare.cli.main", command]
+    words = [sys.executable, "-X", "importtime", "-m", "rattle.compare.cli.main"]
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
     with place.with_suffix(".txt").open("wb") as said:
         return subprocess.Popen(
-            [*words, *LONG[command].split()],
+            [*words, *command.split(), *LONG[command].split()],
             cwd=place,
             stdout=subprocess.DEVNULL,
             stderr=said,
