@@ -23,7 +23,7 @@ from rattle.scene.threshold import rattle_threshold
 ASSESSMENT_BUDGET = 60.0  # processor seconds, by default
 FIRST_BUDGET = 12.0  # of the first, rough answer: ten seconds on two cores
 REFINED_FROM = 2.0 * FIRST_BUDGET  # budget from which on a second answer is better
-LEAST_BUDGET = 5.0
+LEAST_ASSESS_BUDGET = 5.0
 CLOSURES_ASSESSED = ("saltation", "branching")  # the two that hold at all (README)
 # a closure is judged at the scene's noise, and where it is wrong there at a tenth of it and between
 SEARCHED_DOWN = 10.0
@@ -43,7 +43,7 @@ class Shares(NamedTuple):
 
 
 # the levers take nine scenes or more, each as long as the motion itself
-SHARES = Shares(motion=0.25, levers=0.5, closures=0.25)
+ASSESS_SHARES = Shares(motion=0.25, levers=0.5, closures=0.25)
 
 
 class _Work(NamedTuple):
@@ -137,8 +137,10 @@ def assess_in_rounds(
     if isinstance(scene, Gears):
         scene = Scene.from_gears(scene, stages=scene.wheels)
     check_scene(scene)
-    if positive("budget", budget) < LEAST_BUDGET:
-        raise InputError("budget", budget, f"give {LEAST_BUDGET:g} processor seconds or more")
+    if positive("budget", budget) < LEAST_ASSESS_BUDGET:
+        raise InputError(
+            "budget", budget, f"give {LEAST_ASSESS_BUDGET:g} processor seconds or more"
+        )
     positive("slow", slow)
     count("workers", workers, least=1)
     requirement = None if require is None else read_requirement(require, scene.stages)
@@ -174,11 +176,15 @@ def _assess_within(known: Assessment, work: _Work, budget: float) -> Assessment:
 
     motion = known.motion
     if motion is None or motion.kind == "simulated":
-        motion = measure(LONG_RUN, partial(_measure_motion, scene, work, SHARES.motion * budget))
+        motion = measure(
+            LONG_RUN, partial(_measure_motion, scene, work, ASSESS_SHARES.motion * budget)
+        )
     levers = None
     if motion is not None and motion.kind != "rest":
-        levers = measure(LEVERS, partial(_measure_levers, scene, work, SHARES.levers * budget))
-    share = SHARES.closures * budget / len(CLOSURES_ASSESSED)
+        levers = measure(
+            LEVERS, partial(_measure_levers, scene, work, ASSESS_SHARES.levers * budget)
+        )
+    share = ASSESS_SHARES.closures * budget / len(CLOSURES_ASSESSED)
     closures = [
         measure(f"`{closure}`", partial(_measure_range, scene, work, share, closure))
         for closure in CLOSURES_ASSESSED

@@ -8,13 +8,13 @@ from rattle.compare.cli import shared
 from rattle.compare.cli.shared import EXIT_NOT_MET, Begin, say, say_lines
 from rattle.scene import Scene
 
-BUDGET_HELP = "Processor seconds, all threads together; compiling is not counted."
+ASSESS_BUDGET_HELP = "Processor seconds, all threads together; compiling is not counted."
 REQUIRE_HELP = "Exit 3 unless it holds: a limit such as 'rate_above < 50', in the page's units."
 
 
 @click.command()
 @shared.SCENE_AND_SIGMA
-@shared.real("budget", BUDGET_HELP, 60.0)
+@shared.real("budget", ASSESS_BUDGET_HELP, 60.0)
 @click.option("--require", metavar="LIMIT", help=REQUIRE_HELP)
 @shared.real("slow", "Speed below which an impact is slow.", 0.1)
 @shared.SEED_AND_WORKERS

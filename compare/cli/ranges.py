@@ -9,7 +9,7 @@ from rattle.scene import InputError, Scene, choice, count, finite, positive
 
 SPELLING = "NAME=LOW:HIGH[:POINTS]"
 EXAMPLE = "torque1=20:200:12"
-DIGITS = 3  # of values spaced evenly in their logarithm, but for both ends
+RANGE_DIGITS = 3  # of values spaced evenly in their logarithm, but for both ends
 
 RENAMED = {
     "--between": f"--over {SPELLING}",
@@ -44,10 +44,13 @@ class Range(NamedTuple):
     def even_logarithms(self, low: float, high: float, points: int) -> tuple[float, ...]:
         """Values spaced evenly in their logarithm, rounded between both ends."""
         positive(f"{self.name} LOW", low)
-        between = (float(f"{value:.{DIGITS}g}") for value in np.geomspace(low, high, points)[1:-1])
+        between = (
+            float(f"{value:.{RANGE_DIGITS}g}") for value in np.geomspace(low, high, points)[1:-1]
+        )
         values = (low, *between, high)
         if len(set(values)) < points:
-            why = f"cannot be told apart by {DIGITS} digits from {low:g} to {high:g}; take fewer"
+            ends = f"from {low:g} to {high:g}"
+            why = f"cannot be told apart by {RANGE_DIGITS} digits {ends}; take fewer"
             raise InputError(f"{self.name} POINTS", points, why)
         return values
 

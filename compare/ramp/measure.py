@@ -37,7 +37,7 @@ FEWEST_IN_A_POINT = 4  # periods of the ramp for each speed, to say anything the
 COARSER = 2  # periods of the stretches of the coarser copy, which shows the error of the stretches
 CLOCK_SPARE = (0.1, 1.0)
 """Share of the budget, and seconds, by which the clock may exceed what the counted plan expects."""
-LEAST_BUDGET = 1.0  # core-seconds that a constant speed may take once it is begun
+LEAST_RAMP_BUDGET = 1.0  # core-seconds that a constant speed may take once it is begun
 STEADY_COLUMNS = ("value", "se", "low", "high", "effective_paths")
 AGAINST = "ramp against constant speeds"
 HALVED = "stretches of one period against two"
@@ -195,7 +195,7 @@ def _run_steady(
                     periods=plan.periods,
                     paths=plan.paths,
                     slow=ramp.slow_at(slow, rpm),
-                    budget=max(left / (number - done), LEAST_BUDGET),
+                    budget=max(left / (number - done), LEAST_RAMP_BUDGET),
                     closures=(),
                     rng=child_seed(seed, round(rpm)),
                     workers=workers,

@@ -13,14 +13,14 @@ from rattle.montecarlo.long_run.sums import NUMBER, new_sums, no_scales
 from rattle.montecarlo.long_run.walk import Walk
 from rattle.scene import Constants, Scene, duration_text
 
-PLANNED_SHARE = 0.85  # of the budget: the rest is for the counting itself, figures and tables
+RAMP_PLANNED_SHARE = 0.85  # of the budget: the rest is for the counting itself, figures and tables
 RAMP_SHARE = 0.45  # of what is planned, for the ramp and its coarser copy
 PERIOD_SECONDS = 1e-5
 """Nominal processor time of a period of a path without impacts."""
-PILOT_PATHS = 4
+RAMP_PILOT_PATHS = 4
 PILOT_PERIODS = 2  # in which impacts are counted
 PILOT_SETTLING = 8  # periods before, a multiple of these: chatter builds up in a few
-FEWEST_PATHS = 16  # of a constant speed
+FEWEST_RAMP_PATHS = 16  # of a constant speed
 FEWEST_RAMP_PATHS = 8
 MOST_RUN_UP_PATHS = 128
 SETTLING = 64  # periods of burn-in and pilot run of a constant speed, at the least
@@ -55,11 +55,11 @@ def count_period(
     scene: Scene, slow: float, seed: np.random.SeedSequence, constants: Constants
 ) -> float:
     """Nominal processor time of a period of a path of a scene with these constants."""
-    walk = Walk(scene, seed, 0, PILOT_PATHS)
+    walk = Walk(scene, seed, 0, RAMP_PILOT_PATHS)
     walk.change_constants(constants)
-    sums = new_sums(PILOT_PATHS, 1 + PILOT_SETTLING // PILOT_PERIODS, no_scales(slow), False)
+    sums = new_sums(RAMP_PILOT_PATHS, 1 + PILOT_SETTLING // PILOT_PERIODS, no_scales(slow), False)
     walk.follow(sums, PILOT_SETTLING + PILOT_PERIODS, PILOT_PERIODS)
-    impacts = float(sums.main[:, -1, NUMBER].sum()) / (PILOT_PATHS * PILOT_PERIODS)
+    impacts = float(sums.main[:, -1, NUMBER].sum()) / (RAMP_PILOT_PATHS * PILOT_PERIODS)
     return PERIOD_SECONDS + IMPACT_SECONDS * impacts
 
 
@@ -90,18 +90,18 @@ def plan_work(
     passed = ramp.rpm_at(np.arange(0.5, ramp.periods))
     of_ramp = np.interp(passed, np.array(speeds)[ascending], cost_in_ramp[ascending])
     ramp_cost = RAMP_COPIES * float(of_ramp.sum() + RAMP_BURN_IN * cost[0])  # of a path
-    planned = PLANNED_SHARE * budget
+    planned = RAMP_PLANNED_SHARE * budget
     ramp_paths = min(int(RAMP_SHARE * planned / ramp_cost), MOST_RUN_UP_PATHS)
     if ramp_paths < FEWEST_RAMP_PATHS:
         ramp_paths = 0
     rest = planned - ramp_paths * ramp_cost
-    least = FEWEST_PATHS * (SETTLING + STEADY_PERIODS[0]) * cost
+    least = FEWEST_RAMP_PATHS * (SETTLING + STEADY_PERIODS[0]) * cost
     order = coarse_to_fine(len(speeds))
     fitting = int((np.cumsum(least[order]) <= rest).sum())
     chosen = order[: max(fitting, 1)]
     whole = float(cost[chosen].sum())
     fewest = (SETTLING + STEADY_PERIODS[0]) * whole
-    paths = int(np.clip(rest / fewest, FEWEST_PATHS, MOST_RUN_UP_PATHS))
+    paths = int(np.clip(rest / fewest, FEWEST_RAMP_PATHS, MOST_RUN_UP_PATHS))
     periods = int(np.clip(rest / (paths * whole) - SETTLING, *STEADY_PERIODS))
     ramp_seconds = ramp_paths * ramp_cost
     return RunUpPlan(
@@ -116,5 +116,5 @@ def plan_work(
             FEWEST_RAMP_PATHS * ramp_cost / RAMP_SHARE,
             float(least.sum()) / (1.0 - RAMP_SHARE),
         )
-        / PLANNED_SHARE,
+        / RAMP_PLANNED_SHARE,
     )

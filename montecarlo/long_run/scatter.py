@@ -14,7 +14,7 @@ from rattle.montecarlo.long_run import sums as tally
 from rattle.montecarlo.long_run.sums import Collected
 from rattle.scene import Floats
 
-PARTS = 4
+PATH_PARTS = 4
 """Parts of each path: long, so that the motion's memory correlates them little."""
 SCATTER_PERCENT = (5, 50, 95)
 RESAMPLES = (400, 1000)  # least and most resamples of the sets
@@ -77,10 +77,10 @@ def _draw_together(values: Floats, errors: Floats) -> Floats:
 def values_of_sets(c: Collected, quantity: str, group: int) -> SetValues | None:
     """One of `SCATTERED` of every set in a group of impacts, 0 for all; None where it is not
     there."""
-    length = c.main.shape[1] // PARTS
+    length = c.main.shape[1] // PATH_PARTS
     if length == 0:
         return None
-    parts = c.main[:, : PARTS * length].reshape(c.paths, PARTS, length, -1).sum(axis=2)
+    parts = c.main[:, : PATH_PARTS * length].reshape(c.paths, PATH_PARTS, length, -1).sum(axis=2)
     above = parts[:, :, 4 * group + tally.NUMBER] - parts[:, :, 4 * group + tally.SLOW]
     time = np.full_like(above, c.time * length / c.main.shape[1])
     energy = parts[:, :, 4 * group + tally.ENERGY]
@@ -97,8 +97,8 @@ def values_of_sets(c: Collected, quantity: str, group: int) -> SetValues | None:
     bottom = bottom[rattles]
     whole = bottom.sum(axis=1)
     value = top.sum(axis=1) / whole
-    rest = (top - value[:, None] * bottom) / (whole[:, None] / PARTS)
-    return SetValues(value, rest.var(axis=1, ddof=1) / PARTS)
+    rest = (top - value[:, None] * bottom) / (whole[:, None] / PATH_PARTS)
+    return SetValues(value, rest.var(axis=1, ddof=1) / PATH_PARTS)
 
 
 def error_share(c: Collected) -> float:
