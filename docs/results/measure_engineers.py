@@ -63,7 +63,7 @@ def table(found: pd.DataFrame) -> Table:
         by_set = runs.set_index("gears")
         cells = [
             short(by_set.loc[name, "cpu_seconds"])
-            + ("" if by_set.loc[name, "exit_code"] in (0, 3) else " (no answer)")
+            + ("" if by_set.loc[name, "exit_code"] in (0, 3) else " (refused)")
             for name in names
         ]
         rows.append([f"`rattle {command}`", *cells])
