@@ -15,7 +15,7 @@ from rattle.montecarlo.long_run import LongRun, long_run
 from rattle.scene import Order, Scene
 
 TABLE = HERE / "chatter.csv"
-SETS = 9
+SETS = 10
 SEED = 46
 SINGLE, ORDERS, MEMORY = 5, 6, 7  # sets of one stage, with drive orders, with noise of a memory
 PATHS = 32
