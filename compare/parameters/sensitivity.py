@@ -488,7 +488,11 @@ def _effect(logs: Floats, checks: int) -> dict[str, Any]:
     alone = float((logs.var(axis=0, ddof=1).reshape(-1, 2).sum(axis=1) / span**2).sum())
     paired = float(slopes.var(axis=0, ddof=1).sum())
     mean = shown.mean()
-    logarithms = [mean, mean - half, mean + half, *(of_step.mean() for of_step in slopes.T)]
+    # what both steps together miss of a bend that is too small to be told from chance
+    missed = float(_extrapolate(slopes, span).mean() - mean) if linear else 0.0
+    low = mean - half + min(missed, 0.0)
+    high = mean + half + max(missed, 0.0)
+    logarithms = [mean, low, high, *(of_step.mean() for of_step in slopes.T)]
     effects = {name: math.expm1(one * v) for name, v in zip(EFFECTS, logarithms, strict=True)}
     return effects | {
         "se": one * _se(shown),
@@ -514,9 +518,16 @@ def find_slopes(
     differ = abs(bent.mean()) > _half_width(bent, checks)
     if differ and abs(bent.mean()) > BENT_SHARE * max(abs(slopes.mean(axis=0))):
         return span, slopes, slopes[:, 0], False
-    if differ:  # Richardson: the error of a central difference grows with the square of the step
-        return span, slopes, slopes[:, 0] + bent / (span[1] ** 2 / span[0] ** 2 - 1.0), True
+    if differ:
+        return span, slopes, _extrapolate(slopes, span), True
     return span, slopes, change @ span / (span @ span), True  # least squares through both steps
+
+
+def _extrapolate(slopes: Floats, span: Floats) -> Floats:
+    """Slopes at a small step: the error of a central difference grows with the square of the step
+    (Richardson)."""
+    bent = slopes[:, 0] - slopes[:, 1]
+    return np.asarray(slopes[:, 0] + bent / (span[1] ** 2 / span[0] ** 2 - 1.0))
 
 
 def _se(values: Floats) -> Any:
