@@ -133,13 +133,12 @@ class Assessment(Finding):
         sure = rows[(rows["low"] > 0.0) | (rows["high"] < 0.0)].head(LEVERS_NAMED)
         levers = []
         for name, row in sure.iterrows():
-            half = 50.0 * (row["high"] - row["low"])
+            least, most = sorted((abs(100.0 * row["low"]), abs(100.0 * row["high"])))
             levers.append(
                 {
                     "words": known[str(name)].words,
                     "way": "less" if row["effect"] > 0.0 else "more",
-                    "amount": f"{number_text(abs(100.0 * row['effect']), 2)} ± "
-                    f"{number_text(half, 1)}",
+                    "amount": f"{number_text(least, 3)} to {number_text(most, 3)}",
                 }
             )
         return levers
