@@ -23,8 +23,6 @@ from rattle.compare.report.render import render_animation
 from rattle.scene import Floats, OutputError, line
 from rattle.scene.drive import driver_motion
 
-MOST_PAGE_BYTES = 1_000_000
-"""Most bytes of an animation."""
 GENERATOR = '<meta name="generator" content="rattle animate">'
 """In the head of every animation; a file without it is never replaced."""
 PITCH_RADIUS = 90.0  # of the pitch circles in the drawing

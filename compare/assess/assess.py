@@ -24,7 +24,7 @@ ASSESSMENT_BUDGET = 60.0  # processor seconds, by default
 FIRST_BUDGET = 12.0  # of the first, rough answer: ten seconds on two cores
 REFINED_FROM = 2.0 * FIRST_BUDGET  # budget from which on a second answer is better
 LEAST_ASSESS_BUDGET = 5.0
-CLOSURES_ASSESSED = ("saltation", "branching")  # the two that hold at all (README)
+CLOSURES_ASSESSED = ("saltation", "branching")  # README: which closure, when
 # a closure is judged at the scene's noise, and where it is wrong there at a tenth of it and between
 SEARCHED_DOWN = 10.0
 ASSESSED_POINTS = 2
@@ -160,8 +160,8 @@ def _assess_rounds(blank: Assessment, work: _Work) -> Iterator[Assessment]:
 
 
 def _assess_within(known: Assessment, work: _Work, budget: float) -> Assessment:
-    """The assessment with every part measured within its share of a budget; an exact long run is
-    kept."""
+    """The assessment with every part measured within its share of a budget; a long run that is
+    exact, or as well known as is asked for, is kept."""
     scene = known.scene
     missing: dict[str, str] = {}
 
@@ -175,7 +175,8 @@ def _assess_within(known: Assessment, work: _Work, budget: float) -> Assessment:
             return None
 
     motion = known.motion
-    if motion is None or motion.kind == "simulated":
+    run = motion.run if motion else None
+    if motion is None or (run is not None and run.reach is not None and not run.reach.reached):
         motion = measure(
             LONG_RUN, partial(_measure_motion, scene, work, ASSESS_SHARES.motion * budget)
         )

@@ -17,7 +17,7 @@ from rattle.compare.stationary.result import Stationary, speed_text
 from rattle.compare.study.parameters import PERCENT, find_parameters
 from rattle.scene import Scene
 from rattle.scene.numpy_errors import numpy_defaults
-from rattle.scene.text import number_text, percent
+from rattle.scene.text import number_text
 from rattle.scene.threshold import RattleThreshold
 
 if TYPE_CHECKING:
@@ -87,6 +87,14 @@ class Assessment(Finding):
         return self.motion.kind != "rest" and bool(self.motion.table["value"]["rate"] > 0.0)
 
     @property
+    def reached(self) -> bool:
+        """Whether long run and levers are as well known as they are asked for by default: a larger
+        budget changes neither."""
+        run = self.motion.run if self.motion else None
+        known = run is None or run.reach is None or run.reach.reached
+        return known and (self.levers is None or self.levers.reached)
+
+    @property
     def table(self) -> pd.DataFrame:
         """The long run, index ``quantity``, with ``value, low, high, unit``; empty if not known."""
         columns = ["value", "low", "high", "unit"]
@@ -121,7 +129,6 @@ class Assessment(Finding):
             loudness=LOUDNESS,
             change=PERCENT,
             number=number_text,
-            percent=percent,
         )
 
     def _name_levers(self) -> list[dict[str, str]]:

@@ -19,9 +19,7 @@ NAMES_HELP = "Column of the samples that is a quantity; repeatable. [default: al
 @click.argument("predicted", type=shared.FILE_PATH)
 @click.argument("samples", type=shared.FILE_PATH)
 @click.option("--coarser", type=shared.FILE_PATH, help=COARSER_HELP)
-@click.option(
-    "--rows", metavar="NAME", help="Column that numbers the rows. [default: impact, row or time]"
-)
+@click.option("--rows", metavar="NAME", help=ROWS_HELP)
 @shared.several("quantity", "quantities", str, NAMES_HELP)
 @click.option("--groups", metavar="NAME", help="Column with the groups of paths that are related.")
 @shared.real("level", "Probability with which all intervals hold together.", 0.95)

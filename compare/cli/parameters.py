@@ -13,7 +13,6 @@ from rattle.scene import InputError, Scene
 
 SCAN_POINTS = 8  # values of a scan
 MAP_VALUES = 9  # values of the second parameter of a map
-CONTINUES = "interrupt a map, and the same command continues it"
 OVER_HELP = (
     "Parameter of the gears or the scene, its range, and how many values are scanned, evenly spaced"
     " in their logarithm. [default: sigma=0.001:2:8; a fourth of another's value to four times it]"

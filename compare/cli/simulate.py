@@ -44,6 +44,9 @@ BUDGET = (
     "Processor seconds of the simulation, all threads together; compiling, closures and figures are"
     " not counted. [default: refused above an hour]"
 )
+LONG_RUN_PATHS_HELP = (
+    "Independent paths. [default: 64; 80 where each is a gear set with backlashes of its own]"
+)
 BIFURCATION_POINTS = 24  # values of a bifurcation diagram, where a range does not say how many
 RUN_UP_POINTS = 12  # speeds of a run-up, likewise
 CHAOS_BUDGET_HELP = (
@@ -225,7 +228,7 @@ def section_table(run: "Ensemble", units: str) -> str:
 @shared.real("accuracy", "Relative half width of the widest 95 % interval. [default: 0.01]")
 @shared.whole("periods", None, "Periods of each path, in place of an accuracy.")
 @shared.several("quantity", "quantities", str, QUANTITY_HELP)
-@shared.whole("paths", 64, "Independent paths.")
+@shared.whole("paths", None, LONG_RUN_PATHS_HELP)
 @shared.whole("burn-in", None, "Periods of burn-in, left out. [default: found by tests]")
 @shared.real("slow", "Speed below which an impact is slow.", 0.1)
 @shared.real(

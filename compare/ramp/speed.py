@@ -16,7 +16,7 @@ from rattle.scene import Constants, Floats, InputError, Scene, check_scene, posi
 from rattle.scene.gears import KG_MM_PER_S2_PER_N, SPEEDS, Gears
 from rattle.scene.threshold import RattleThreshold, rattle_threshold
 
-STRETCH_HALVINGS = 40  # of the interval in which a threshold lies
+THRESHOLD_HALVINGS = 40  # of the interval in which a threshold lies
 TURN = 2.0 * math.pi
 
 
@@ -142,7 +142,7 @@ class SpeedRamp:
         for (low, before), (high, after) in pairwise(known):
             if before == after:
                 continue
-            for _ in range(STRETCH_HALVINGS):
+            for _ in range(THRESHOLD_HALVINGS):
                 middle = 0.5 * (low + high)
                 if opens(middle) == before:
                     low = middle

@@ -16,7 +16,7 @@ from rattle.compare.stationary.verdicts import (
 )
 from rattle.montecarlo.long_run import AtRest, BurnInError, long_run
 from rattle.montecarlo.long_run.estimates import groups, most_unseen
-from rattle.montecarlo.long_run.run import ASKED, LONG_RUN_PATHS
+from rattle.montecarlo.long_run.run import ASKED, usual_paths
 from rattle.montecarlo.seed import Rng, read_seed
 from rattle.montecarlo.settings import is_random
 from rattle.scene import Scene, check_scene, compile_ahead
@@ -43,7 +43,7 @@ def stationary(
     accuracy: float | None = None,
     periods: int | None = None,
     quantities: Sequence[str] = ASKED,
-    paths: int = LONG_RUN_PATHS,
+    paths: int | None = None,
     burn_in: int | None = None,
     slow: float = 0.1,
     resolve: float | None = None,
@@ -69,8 +69,9 @@ def stationary(
         Periods of the excitation on each path after the burn-in, in place of an accuracy.
     quantities : sequence of str
         Quantities that the accuracy is for.
-    paths : int
-        Independent paths, 16 or more.
+    paths : int, optional
+        Independent paths, 16 or more; 64 by default, and 80 where each is a gear set with
+        backlashes of its own.
     burn_in : int, optional
         Periods to leave out before; found by tests by default.
     slow : float
@@ -129,7 +130,7 @@ def stationary(
             accuracy=accuracy,
             periods=periods,
             quantities=quantities,
-            paths=paths,
+            paths=usual_paths(scene) if paths is None else paths,
             burn_in=burn_in,
             slow=slow,
             resolve=resolve,

@@ -30,6 +30,9 @@ from rattle.scene.errors import non_negative
 from rattle.scene.progress import ESTIMATES, ProgressBar, do
 
 LONG_RUN_PATHS = 64
+# where each path is a gear set with backlashes of its own: whole vectors of lanes, and enough sets
+# for a 5 % quantile over them (`rattle.montecarlo.long_run.scatter.FEWEST_SETS`)
+SET_PATHS = 80
 LONG_RUN_ACCURACY = 0.01
 ASKED = ("rate_above", "speed_above", "energy_per_period")
 """Quantities whose intervals an accuracy is asked for, by default."""
@@ -70,6 +73,12 @@ COMPARED = (
 """What the columns of `Sums.main` that are compared sum."""
 PROBED = 16  # paths of a run that is timed before the others
 PROBE_PERIODS = 2  # its periods that are timed, after as many in which the paths leave their start
+
+
+def usual_paths(scene: Scene) -> int:
+    """How many paths a long run follows where none are asked for."""
+    differs = scene.tolerance is not None and scene.tolerance.differs_by_set
+    return SET_PATHS if differs else LONG_RUN_PATHS
 
 
 class BurnInError(InputError):

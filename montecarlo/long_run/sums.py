@@ -288,7 +288,7 @@ def add_stretch(
 
 
 @internal
-def add_closed(c: Constants, closed: Floats, s: Sums) -> None:
+def add_left_out(c: Constants, closed: Floats, s: Sums) -> None:
     """Add what is not followed at closed meshes to the sums of each path.
 
     Shapes: `closed` (4, paths or more), see `rattle.montecarlo.schemes.lanes.Room`.

@@ -14,7 +14,7 @@ import numpy as np
 from rattle.montecarlo.kernel.block import Plan, begin_block
 from rattle.montecarlo.kernel.kernel import COLUMNS, Job, Output, block_kernel
 from rattle.montecarlo.long_run.noise_work import add_noise_work, has_controls
-from rattle.montecarlo.long_run.sums import NOISE, PERIOD, SAMPLES, Sums, add_closed, add_stretch
+from rattle.montecarlo.long_run.sums import NOISE, PERIOD, SAMPLES, Sums, add_left_out, add_stretch
 from rattle.montecarlo.noise.philox import Word
 from rattle.montecarlo.schemes.exact_flight import EXACT
 from rattle.montecarlo.schemes.lanes import Lanes, Room
@@ -141,7 +141,7 @@ def follow_stretches(
             add_noise_work(job.c, rows[0], impacts, state, states, at, between, out)
         put(state, states[:, samples - 1])
         add_stretch(job.c, rows[0], impacts, struck, states, flanks, at, between, sums)
-        add_closed(job.c, room.closed, sums)
+        add_left_out(job.c, room.closed, sums)
         count[STRETCHES] += 1
         count[BEGIN] += part
         count[LONG] += most >= MANY_IMPACTS

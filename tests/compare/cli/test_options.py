@@ -28,7 +28,7 @@ from rattle.compare.study.parameters import SIGMA_RANGE
 from rattle.compare.tradeoff.measure import ACCURACIES
 from rattle.montecarlo import SCHEMES, default_step
 from rattle.montecarlo.accuracy.simulate_to import INSTEAD
-from rattle.montecarlo.long_run.run import ASKED, LONG_RUN_ACCURACY
+from rattle.montecarlo.long_run.run import ASKED, LONG_RUN_ACCURACY, LONG_RUN_PATHS, SET_PATHS
 from rattle.montecarlo.schemes.quiet import QUIET_SHARE
 
 EXAMPLES = sorted((Path(__file__).parents[3] / "examples").glob("*.toml"))
@@ -138,6 +138,9 @@ REAL = {
     "simulate --dt": STEP,
     "simulate --budget": f"an hour; beyond it the answer is what {INSTEAD:g} s give",
     "stationary --accuracy": f"{LONG_RUN_ACCURACY:g}",
+    "stationary --paths": (
+        f"{LONG_RUN_PATHS}; {SET_PATHS} where each is a gear set with backlashes of its own"
+    ),
     "stationary --quantity": ", ".join(ASKED),
     "stationary --resolve": f"slow / {1.0 / QUIET_SHARE:g}",
     "tradeoff --sigma": "the scene's, or 0.1",

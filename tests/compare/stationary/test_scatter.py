@@ -7,6 +7,7 @@ import pytest
 
 from rattle import Scene, Tolerance, stationary
 from rattle.compare.stationary.page import answer
+from rattle.montecarlo.long_run.run import LONG_RUN_PATHS, usual_paths
 from rattle.montecarlo.long_run.scatter import FEWEST_SETS, SetValues
 
 SEEDS = 60
@@ -88,3 +89,12 @@ def test_it_is_said_that_sets_differ_and_not_that_the_run_is_too_short(tmp_path)
     assert len(found.to_dict()["scatter"]) == 3 * 4
     few = " ".join(answer(stationary(TOLERANT, periods=64, paths=32, closures=(), rng=3)))
     assert "needs 72 sets or more" in few
+
+
+def test_by_default_there_are_enough_sets_for_the_tails():
+    """Not where all sets are the same, which need no quantiles."""
+    scene = Scene(alpha=1.0, epsilon=0.8, beta1=0.1, gamma1=0.1, stages=1, sigma=0.2)
+    by_set = replace(scene, tolerance=Tolerance(0.01))
+    fixed = replace(scene, tolerance=Tolerance(0.01, distribution="fixed"))
+    assert usual_paths(by_set) >= FEWEST_SETS > LONG_RUN_PATHS
+    assert usual_paths(scene) == usual_paths(fixed) == LONG_RUN_PATHS
