@@ -12,9 +12,11 @@ from rattle.scene.errors import (
     count,
     finite,
     non_negative,
+    positive,
     suggesting,
+    unit_interval,
 )
-from rattle.scene.types import CUT
+from rattle.scene.types import CUT, state_names
 
 _edge = math.exp(-0.5 * CUT**2) / math.sqrt(2.0 * math.pi)
 UNIT_VARIANCE = {
@@ -34,6 +36,82 @@ MEMORY_RANGE = (1e-4, 1e6)  # correlation times of noise that is not white
 # largest speed and time of a start; a float resolves 1e-4 at a time of 1e12
 LARGEST_SPEED = 1e6
 LARGEST_TIME = 1e12
+
+
+MOST_WHEELS = 32
+LARGEST_BETA = 1e4
+LARGEST_RATE = 1e6  # of excitation, drag and noise
+MASSES = (1e-6, 1e6)  # of a wheel over that of wheel 1
+RATIOS = (1e-3, 1e3)
+
+
+@suggesting
+@dataclass(frozen=True, kw_only=True)
+class Wheel:
+    """A loose wheel of a gearbox and its mesh with its parent (docs/model.md section 2,
+    dimensionless).
+
+    Parameters
+    ----------
+    beta : float
+        Damping ratio in flight, 0 to 1e4.
+    gamma : float
+        Constant drag, 0 or 1e-30 to 1e6.
+    gap : float
+        Half gap at its mesh, 1e-9 to 1e6.
+    mass : float
+        ``I / R^2`` at its mesh over that of wheel 1, 1e-6 to 1e6.
+    parent : int or str
+        Number or name of the wheel that it meshes with, which stands before it; 0 is the driver.
+    ratio : float
+        Radius of the parent at this mesh over the parent's own radius (at the driver: over its
+        radius at wheel 1), 1e-3 to 1e3.
+    epsilon : float, optional
+        Restitution at its mesh, 0 to 1; by default that of the scene.
+    tolerance : float
+        Largest deviation of its half gap, below `gap`; how it is drawn is in the scene's
+        `Tolerance`.
+    name : str
+        What tables and figures call it; by default its number.
+
+    Raises
+    ------
+    InputError
+        If a value is not a finite number in its range.
+
+    Examples
+    --------
+    >>> Wheel(beta=0.1, gamma=0.3, name="third").mass
+    1.0
+    """
+
+    beta: float
+    gamma: float
+    gap: float = 0.5
+    mass: float = 1.0
+    parent: int | str = 0
+    ratio: float = 1.0
+    epsilon: float | None = None
+    tolerance: float = 0.0
+    name: str = ""
+
+    def __post_init__(self) -> None:
+        for name in ("beta", "gamma", "gap", "mass", "ratio", "tolerance"):
+            object.__setattr__(self, name, finite(f"wheel.{name}", getattr(self, name)))
+        check_range("wheel.beta", non_negative("wheel.beta", self.beta), 0.0, LARGEST_BETA)
+        gamma = non_negative("wheel.gamma", self.gamma)
+        check_range("wheel.gamma", gamma, LEAST_SIZE, LARGEST_RATE)
+        for name, (least, most) in {"gap": GAPS, "mass": MASSES, "ratio": RATIOS}.items():
+            value = positive(f"wheel.{name}", getattr(self, name))
+            check_range(f"wheel.{name}", value, least, most, zero=False)
+        tolerance = non_negative("wheel.tolerance", self.tolerance)
+        check_range("wheel.tolerance", tolerance, LEAST_SIZE, GAPS[1])
+        if self.tolerance >= self.gap:
+            why = f"must be below gap = {self.gap}, or a gap could close"
+            raise InputError("wheel.tolerance", self.tolerance, why)
+        if self.epsilon is not None:
+            object.__setattr__(self, "epsilon", finite("wheel.epsilon", self.epsilon))
+            unit_interval("wheel.epsilon", self.epsilon)
 
 
 @suggesting
@@ -160,9 +238,12 @@ class Start:
         where the scene gives no other drive.
     x1, y1, x2, y2 : float
         Relative displacement and velocity of both stages; velocities up to 1e6 in size.
-    mesh : {1, 2, 0}
+    mesh : int
         The mesh that is struck at once (the state is the one just before that impact), or 0 for a
         start in flight.  The impact of the start is number 0; tables count from the next one.
+    state : sequence of float
+        ``(x1, y1, x2, y2, x3, y3, ...)`` of all wheels, in place of the four numbers: for more
+        than two wheels.
 
     Raises
     ------
@@ -181,26 +262,47 @@ class Start:
     x2: float = 0.0
     y2: float = 0.0
     mesh: int = 0
+    state: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
         for name in ("tau", "x1", "y1", "x2", "y2"):
             object.__setattr__(self, name, finite(f"start.{name}", getattr(self, name)))
         check_range("start.tau", self.tau, 0.0, LARGEST_TIME)
-        for name, most in (
-            ("x1", GAPS[1]),
-            ("x2", GAPS[1]),
-            ("y1", LARGEST_SPEED),
-            ("y2", LARGEST_SPEED),
-        ):
-            check_range(f"start.{name}", getattr(self, name), 0.0, most)
-        object.__setattr__(self, "mesh", count("start.mesh", self.mesh, least=0, most=2))
+        self._take_state()
+        for name, value in zip(state_names(len(self.values) // 2), self.values, strict=True):
+            most = GAPS[1] if name.startswith("x") else LARGEST_SPEED
+            check_range(f"start.{name}", value, 0.0, most)
+        mesh = count("start.mesh", self.mesh, least=0, most=MOST_WHEELS)
+        object.__setattr__(self, "mesh", mesh)
+
+    def _take_state(self) -> None:
+        """Check a state that is given as a whole; one of two wheels becomes the four numbers."""
+        if not len(self.state):
+            return
+        given = [finite("start.state", value) for value in self.state]
+        if len(given) % 2 or len(given) > 2 * MOST_WHEELS:
+            raise InputError("start.state", self.state, "give x and y of each wheel in turn")
+        if any((self.x1, self.y1, self.x2, self.y2)):
+            raise InputError("start.state", self.state, "give it, or x1, y1, x2 and y2")
+        short = len(given) <= 4
+        object.__setattr__(self, "state", () if short else tuple(given))
+        if short:
+            for name, value in zip(("x1", "y1", "x2", "y2"), given, strict=False):
+                object.__setattr__(self, name, value)
+
+    @property
+    def values(self) -> tuple[float, ...]:
+        """``(x1, y1, x2, y2, ...)``."""
+        return self.state or (self.x1, self.y1, self.x2, self.y2)
 
 
 def move_to_flanks(start: Start, before: Sequence[float], after: Sequence[float]) -> Start:
     """The start of a scene whose half gaps at both meshes are others: what lies on a nominal flank
     stays on it."""
-    x1, x2 = (
-        math.copysign(finite(f"gap{i}", new), x) if abs(x) == old else x
-        for i, (x, old, new) in enumerate(zip((start.x1, start.x2), before, after, strict=True), 1)
-    )
-    return replace(start, x1=x1, x2=x2)
+    values = list(start.values)
+    for i, (old, new) in enumerate(zip(before, after, strict=True)):
+        x = values[2 * i]
+        values[2 * i] = math.copysign(finite(f"gap{i + 1}", new), x) if abs(x) == old else x
+    if start.state:
+        return replace(start, state=tuple(values))
+    return replace(start, x1=values[0], x2=values[2])

@@ -18,14 +18,17 @@ from rattle.scene.parts import (
     GAPS,
     LEAST_SIZE,
     MEMORY_RANGE,
+    MOST_WHEELS,
     SINE_ALONE,
     Order,
     Start,
     Tolerance,
+    Wheel,
     move_to_flanks,
 )
 from rattle.scene.text import as_call, as_html
-from rattle.scene.types import SINE, Constants, Floats, Orders
+from rattle.scene.types import SINE, WHEEL, Constants, Floats, Orders
+from rattle.scene.wheel import complete_wheels
 
 Times = TypeVar("Times", float, Floats)
 Part = TypeVar("Part")
@@ -40,6 +43,8 @@ LARGEST_VALUES = {
 }
 FAR_ORDERS = 8
 """Gap between orders above which the sine of the next one is not computed from that of the last."""
+SHORT = ("beta1", "gamma1", "beta2", "gamma2", "mu")
+"""Fields of one or two wheels in a row, which a scene of `Wheel` has no use for."""
 FREE = ("sigma", "tolerance", "start", "stages", "drive", "correlation_time")
 """Fields of a scene that gears do not fix."""
 SWEPT = ("alpha", "epsilon", "beta1", "beta2", "gamma1", "gamma2", "mu", "gap1", "gap2", "sigma")
@@ -77,8 +82,9 @@ class Scene:
         The paper's start by default: both stages on the positive flank with speed 2, just before an
         impact at mesh 1, at ``tau = 0``.  A coordinate that lies on a nominal flank is placed on
         each path's own flank.
-    stages : {2, 1}
-        1 is the single-stage rattler: mesh 1 alone; ``beta2, gamma2, mu, gap2`` are then unused.
+    stages : int
+        Number of loose wheels.  2, or 1 for the single-stage rattler: mesh 1 alone; ``beta2,
+        gamma2, mu, gap2`` are then unused.  Where `wheels` are given it is their number.
     drive : sequence of Order, optional
         The driver's motion ``f(tau) = sum_j a_j sin(j tau + phi_j)``, in place of the default ``sin
         tau``.
@@ -86,6 +92,11 @@ class Scene:
         Memory of the noise, in units of ``1 / omega``: the modulation is an Ornstein-Uhlenbeck
         process with the spectrum of white noise of the same `sigma` at frequency 0.  0 (white
         noise), or 1e-4 to 1e6.
+    wheels : sequence of Wheel, optional
+        The loose wheels of a gearbox, 1 to 32, each after the one that it meshes with; in place of
+        ``beta1, gamma1, beta2, gamma2, mu, gap1, gap2``.  `epsilon` is then that of the wheels
+        that have none of their own, and is not needed where all have.  One or two wheels in a row
+        become the short form.
     gears : Gears, optional
         The physical gears that the scene was made from, by `from_gears`; None once a value that
         gears fix is another.
@@ -101,12 +112,18 @@ class Scene:
     >>> s = Scene.from_gears(DAT21, sigma=0.1)
     >>> round(s.beta1, 6), s.gap2
     (0.083333, 0.5)
+
+    Two loose wheels on the driver, the second with another radius of the driver there:
+
+    >>> pair = [Wheel(beta=0.1, gamma=0.3), Wheel(beta=0.2, gamma=0.2, mass=0.5, ratio=1.2)]
+    >>> Scene(alpha=2.0, epsilon=0.8, wheels=pair).stages
+    2
     """
 
     alpha: float
-    epsilon: float
-    beta1: float
-    gamma1: float
+    epsilon: float = None  # type: ignore[assignment]  # of the wheels, where these are given
+    beta1: float = None  # type: ignore[assignment]  # beta1, gamma1: needed without wheels
+    gamma1: float = None  # type: ignore[assignment]
     beta2: float = 0.0
     gamma2: float = 0.0
     mu: float = 0.0
@@ -118,10 +135,17 @@ class Scene:
     stages: int = 2
     drive: tuple[Order, ...] = SINE_ALONE
     correlation_time: float = 0.0
+    wheels: tuple[Wheel, ...] = ()
     gears: Gears | None = field(default=None, compare=False, repr=False)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "stages", errors.count("stages", self.stages, least=1, most=2))
+        if len(self.wheels):
+            self._take_wheels()
+        else:
+            object.__setattr__(self, "stages", errors.count("stages", self.stages, 1, 2))
+            for name in ("epsilon", "beta1", "gamma1"):
+                if getattr(self, name) is None:
+                    raise InputError(name, None, "is needed, or give wheels")
         for f in fields(self):
             if f.type is float or f.type == "float":
                 object.__setattr__(self, f.name, errors.finite(f.name, getattr(self, f.name)))
@@ -131,7 +155,7 @@ class Scene:
         errors.unit_interval("epsilon", self.epsilon)
         for name in ("gap1", "gap2"):
             errors.check_range(name, errors.positive(name, getattr(self, name)), *GAPS, zero=False)
-        if self.stages == 2 and not 0.0 < self.mu < 1.0:
+        if self.stages == 2 and not self.wheels and not 0.0 < self.mu < 1.0:
             raise InputError(
                 "mu", self.mu, "two stages need mu = I2 R1^2 / (I1 R2^2 + I2 R1^2), between 0 and 1"
             )
@@ -144,7 +168,7 @@ class Scene:
         self._check_drive()
         self._check_tolerance()
         if self.start is None:
-            object.__setattr__(self, "start", Start(0.0, self.gap1, 2.0, self.gap2, 2.0, mesh=1))
+            object.__setattr__(self, "start", self._default_start)
         self._check_start()
         if self.gears is not None and any(
             getattr(self, n) != v for n, v in _parameters_of(self.gears).items()
@@ -156,7 +180,9 @@ class Scene:
         out."""
         shown = {f.name: getattr(self, f.name) for f in fields(self) if f.repr}
         defaults: dict[str, Any] = {f.name: f.default for f in fields(self)}
-        defaults["start"] = Start(0.0, self.gap1, 2.0, self.gap2, 2.0, mesh=1)
+        defaults["start"] = self._default_start
+        if self.wheels:
+            defaults |= {"stages": self.stages} | dict.fromkeys(SHORT, 0.0)
         shown = {
             name: value for name, value in shown.items() if repr(value) != repr(defaults[name])
         }
@@ -200,29 +226,123 @@ class Scene:
             return
         if not isinstance(self.tolerance, Tolerance):
             raise InputError("tolerance", self.tolerance, "give a Tolerance")
-        for i in range(1, self.stages + 1):
-            c = getattr(self.tolerance, f"c{i}_max")
-            gap = getattr(self, f"gap{i}")
-            if c >= gap:
-                raise InputError(
-                    f"tolerance.c{i}_max", c, f"must be below gap{i} = {gap}, or a gap could close"
-                )
+        for i, wheel in enumerate(self.tree, 1):
+            if not self.wheels and wheel.tolerance >= wheel.gap:
+                why = f"must be below gap{i} = {wheel.gap}, or a gap could close"
+                raise InputError(f"tolerance.c{i}_max", wheel.tolerance, why)
+        if self.wheels and max(self.tolerance.c1_max, self.tolerance.c2_max) > 0.0:
+            why = "of a scene of wheels is given with each: Wheel(tolerance=...)"
+            raise InputError("tolerance.c1_max", self.tolerance.c1_max, why)
+
+    def _take_wheels(self) -> None:
+        """Check the wheels of a gearbox; one or two in a row become the short form."""
+        given = tuple(self.wheels)
+        for name in SHORT:
+            if getattr(self, name) not in (None, 0.0):
+                raise InputError(name, getattr(self, name), "give it, or wheels; not both")
+            object.__setattr__(self, name, 0.0)
+        if len(given) > MOST_WHEELS:
+            raise InputError("wheels", len(given), f"at most {MOST_WHEELS} wheels")
+        names: list[str] = []
+        parents: list[int] = []
+        for number, wheel in enumerate(given, 1):
+            if not isinstance(wheel, Wheel):
+                raise InputError("wheels", wheel, "give a sequence of Wheel")
+            if wheel.name and wheel.name in names:
+                raise InputError("wheel.name", wheel.name, "two wheels have this name; rename one")
+            parents.append(_parent_of(wheel, number, given))
+            names.append(wheel.name)
+            if wheel.epsilon is None and self.epsilon is None:
+                why = f"give wheel {number} one, or the scene"
+                raise InputError("wheel.epsilon", None, why)
+        given = tuple(replace(w, parent=p) for w, p in zip(given, parents, strict=True))
+        first = given[0].mass
+        if first != 1.0:
+            given = tuple(replace(wheel, mass=wheel.mass / first) for wheel in given)
+        if any(wheel.tolerance for wheel in given) and self.tolerance is None:
+            object.__setattr__(self, "tolerance", Tolerance())
+        if self.epsilon is None:
+            object.__setattr__(self, "epsilon", given[0].epsilon)
+        values = {"wheels": given, "stages": len(given)}
+        if _are_in_a_row(given, self.epsilon):
+            values |= self._short_form(given)
+        for name, value in values.items():
+            object.__setattr__(self, name, value)
+
+    def _short_form(self, wheels: tuple[Wheel, ...]) -> dict[str, Any]:
+        """The fields of one or two wheels in a row."""
+        values: dict[str, Any] = {"wheels": ()}
+        for number, wheel in enumerate(wheels, 1):
+            values |= {f"{name}{number}": getattr(wheel, name) for name in ("beta", "gamma", "gap")}
+        if len(wheels) == 2:
+            values["mu"] = wheels[1].mass / (1.0 + wheels[1].mass)
+        if self.tolerance is not None and any(wheel.tolerance for wheel in wheels):
+            widths = {f"c{i}_max": wheel.tolerance for i, wheel in enumerate(wheels, 1)}
+            values["tolerance"] = replace(self.tolerance, **widths)
+        return values
+
+    @property
+    def tree(self) -> tuple[Wheel, ...]:
+        """The loose wheels, each with its number of the parent, its restitution and its tolerance.
+
+        Examples
+        --------
+        >>> from rattle.scene import DAT21
+        >>> [wheel.parent for wheel in Scene.from_gears(DAT21).tree]
+        [0, 1]
+        """
+        if self.wheels:
+            given = self.wheels
+            return tuple(w if w.epsilon is not None else replace(w, epsilon=self.epsilon) for w in given)
+        t = self.tolerance
+        first = Wheel(
+            beta=self.beta1,
+            gamma=self.gamma1,
+            gap=self.gap1,
+            epsilon=self.epsilon,
+            tolerance=t.c1_max if t is not None else 0.0,
+        )
+        if self.stages == 1:
+            return (first,)
+        second = Wheel(
+            beta=self.beta2,
+            gamma=self.gamma2,
+            gap=self.gap2,
+            mass=self.mu / (1.0 - self.mu),
+            parent=1,
+            epsilon=self.epsilon,
+            tolerance=t.c2_max if t is not None else 0.0,
+        )
+        return first, second
+
+    @property
+    def _default_start(self) -> Start:
+        """The paper's start: all wheels on the positive flank with speed 2, just before an impact
+        at mesh 1."""
+        if not self.wheels:
+            return Start(0.0, self.gap1, 2.0, self.gap2, 2.0, mesh=1)
+        state = [value for wheel in self.wheels for value in (wheel.gap, 2.0)]
+        return Start(0.0, state=tuple(state), mesh=1)
 
     def _check_start(self) -> None:
         start = self.start
         if not isinstance(start, Start):
             raise InputError("start", start, "give a Start")
         if start.mesh > self.stages:
-            raise InputError("start.mesh", start.mesh, "a single-stage scene has mesh 1 only")
-        for i in range(1, self.stages + 1):
-            x = getattr(start, f"x{i}")
-            y = getattr(start, f"y{i}")
-            gap = getattr(self, f"gap{i}")
-            c_max = getattr(self.tolerance, f"c{i}_max") if self.tolerance else 0.0
+            why = f"a scene of {self.stages} wheels has no mesh {start.mesh}"
+            if self.stages == 1:
+                why = "a single-stage scene has mesh 1 only"
+            raise InputError("start.mesh", start.mesh, why)
+        if len(start.values) < 2 * self.stages:
+            raise InputError("start", start, f"give state = (x1, y1, ...) of {self.stages} wheels")
+        for i, wheel in enumerate(self.tree, 1):
+            x, y = start.values[2 * i - 2 : 2 * i]
+            gap = wheel.gap
             on_flank = abs(x) == gap
-            if abs(x) > gap - c_max and not on_flank:
+            if abs(x) > gap - wheel.tolerance and not on_flank:
+                inside = gap - wheel.tolerance
                 raise InputError(
-                    f"start.x{i}", x, f"must lie on a flank (+-{gap}) or inside +-{gap - c_max}"
+                    f"start.x{i}", x, f"must lie on a flank (+-{gap}) or inside +-{inside}"
                 )
             if start.mesh == i and not (on_flank and x * np.sign(y) > 0.0):
                 why = (
@@ -367,15 +487,20 @@ class Scene:
         """
         s = self.start
         t = self.tolerance
-        state = {name: factor * getattr(s, name) for name in ("x1", "y1", "x2", "y2")}
+        state: dict[str, Any] = {n: factor * getattr(s, n) for n in ("x1", "y1", "x2", "y2")}
+        state["state"] = tuple(factor * value for value in s.state)
+        wheels = tuple(
+            _copy_with(w, gamma=factor * w.gamma, gap=factor * w.gap, tolerance=factor * w.tolerance)
+            for w in self.wheels
+        )
         lengths = {
             n: factor * getattr(self, n)
             for n in ("alpha", "gamma1", "gamma2", "gap1", "gap2", "sigma")
         }
         tolerance = t and _copy_with(t, c1_max=factor * t.c1_max, c2_max=factor * t.c2_max)
-        return _copy_with(
-            self, **lengths, start=_copy_with(s, **state), tolerance=tolerance, gears=None
-        )
+        start = _copy_with(s, **state)
+        parts = {"start": start, "tolerance": tolerance, "wheels": wheels, "gears": None}
+        return _copy_with(self, **lengths, **parts)
 
     @property
     def phase(self) -> float:
@@ -453,18 +578,22 @@ class Scene:
     def constants(self) -> Constants:
         """The numbers of the scene for compiled code; a fixed tolerance is part of the walls."""
         fixed = self.tolerance is not None and self.tolerance.distribution == "fixed"
-        wall1, wall2 = self.windows if fixed else (self.gap1, self.gap2)
-        values = {
-            name: getattr(self, name)
-            for name in ("alpha", "epsilon", "beta1", "gamma1", "sigma", "stages")
-        }
-        values |= {
-            name: getattr(self, name) if self.stages == 2 else 0.0
-            for name in ("beta2", "gamma2", "mu")
-        }
-        return Constants(
-            **values, wall1=wall1, wall2=wall2, drive=self._orders, memory=self.correlation_time
-        )
+        tree = self.tree
+        wheels = np.empty(len(tree), WHEEL)
+        for i, wheel in enumerate(tree):
+            parent = int(wheel.parent) - 1
+            at = wheels[i]
+            at.parent = parent
+            at.sign = 1.0 if parent < 0 else -1.0
+            at.ratio = wheel.ratio
+            at.turn = wheel.ratio * (wheels[parent].turn if parent >= 0 else 1.0)
+            at.beta = wheel.beta
+            at.gamma = wheel.gamma
+            at.wall = wheel.gap + wheel.tolerance if fixed else wheel.gap
+            at.epsilon = wheel.epsilon
+            at.mass = wheel.mass
+        complete_wheels(wheels)
+        return Constants(self.alpha, self.sigma, wheels, self._orders, self.correlation_time)
 
     @property
     def _orders(self) -> Orders | tuple[()]:
@@ -487,20 +616,23 @@ class Scene:
         return Orders(order, gap, odd, even, order[-1], most1, most2, most3, waves)
 
     @property
-    def windows(self) -> tuple[float, float]:
-        """Half widths ``g_i + c_i_max`` of the windows of Eqs. 20 and 21, a pair of floats."""
-        c1, c2 = (self.tolerance.c1_max, self.tolerance.c2_max) if self.tolerance else (0.0, 0.0)
-        return self.gap1 + c1, self.gap2 + c2
+    def windows(self) -> tuple[float, ...]:
+        """Half widths ``g_i + c_i_max`` of the windows of Eqs. 20 and 21, a tuple of floats."""
+        return tuple(wheel.gap + wheel.tolerance for wheel in self.tree)
 
     @property
-    def start_state(self) -> tuple[float, float, float, float]:
-        """``(x1, y1, x2, y2)`` of the start, with a coordinate on a nominal flank moved to the wall
-        of `constants`."""
-        s = self.start
-        k = self.constants
-        x1 = math.copysign(k.wall1, s.x1) if abs(s.x1) == self.gap1 else s.x1
-        x2 = math.copysign(k.wall2, s.x2) if abs(s.x2) == self.gap2 else s.x2
-        return x1, s.y1, x2, s.y2
+    def start_state(self) -> Floats:
+        """``(x1, y1, ...)`` of the start, with a coordinate on a nominal flank moved to the wall of
+        `constants`.
+
+        Shapes: result (2 wheels,).
+        """
+        walls = self.constants.wheels["wall"]
+        state = np.array(self.start.values[: 2 * self.stages])
+        for i, wheel in enumerate(self.tree):
+            if abs(state[2 * i]) == wheel.gap:
+                state[2 * i] = math.copysign(walls[i], state[2 * i])
+        return state
 
     def to_dict(self) -> dict[str, Any]:
         """The scene as plain data, for TOML files and manifests; in the gear form where it was made
@@ -517,6 +649,13 @@ class Scene:
         }
         for name in ("tolerance", "start"):
             values[name] = values[name] and asdict(values[name])
+        if self.wheels:
+            values = {k: v for k, v in values.items() if k not in (*SHORT, "stages", "gap1", "gap2")}
+            values["wheels"] = [_as_table(wheel) for wheel in self.wheels]
+            values["start"] = {k: v for k, v in values["start"].items() if k in ("tau", "mesh", "state")}
+        else:
+            del values["wheels"]
+            del values["start"]["state"]
         for name in ("tolerance", "correlation_time"):
             if not values[name]:
                 del values[name]
@@ -563,6 +702,8 @@ class Scene:
                 table = _table(f"scene.{name}", settings[name])
                 errors.check_keys(f"scene.{name}", table, (f.name for f in fields(kind)))
                 settings[name] = kind(**table)
+        if "wheels" in settings:
+            settings["wheels"] = [_read_wheel(table) for table in settings["wheels"]]
         if "gears" in data:
             gears = gears_input.own_amplitude(_table("gears", data["gears"]), data.get("drive"))
             errors.check_keys("scene", settings, FREE)
@@ -582,9 +723,8 @@ class Scene:
                 )
             return cls.from_gears(pair, **settings)
         errors.check_keys("scene", settings, (f.name for f in fields(cls) if f.name != "gears"))
-        if missing := [
-            name for name in ("alpha", "epsilon", "beta1", "gamma1") if name not in settings
-        ]:
+        needed = ("alpha",) if "wheels" in settings else ("alpha", "epsilon", "beta1", "gamma1")
+        if missing := [name for name in needed if name not in settings]:
             raise InputError("scene", missing, "these keys are missing")
         if "drive" in data:
             settings["drive"] = gears_input.read_drive(data["drive"])
@@ -662,6 +802,49 @@ def _parameters_of(gears: Gears) -> dict[str, Any]:
     for wheel in range(1, gears.wheels + 1):
         found |= {f"beta{wheel}": gears.beta(wheel), f"gamma{wheel}": gears.gamma(wheel)}
     return found if gears.wheels == 1 else found | {"mu": gears.mu, "gap2": gears.gap2}
+
+
+def _parent_of(wheel: Wheel, number: int, wheels: tuple[Wheel, ...]) -> int:
+    """The number of the parent of wheel `number`, which stands before it."""
+    parent = wheel.parent
+    if isinstance(parent, str):
+        known = {other.name: i for i, other in enumerate(wheels, 1) if isinstance(other, Wheel)}
+        if parent not in known or not parent:
+            names = ", ".join(name for name in known if name) or "none has a name"
+            raise InputError("wheel.parent", parent, f"no wheel has this name ({names})")
+        parent = known[parent]
+    parent = errors.count("wheel.parent", parent, least=0)
+    if parent > len(wheels):
+        why = f"there are {len(wheels)} wheels; 0 is the driver"
+        raise InputError("wheel.parent", parent, why)
+    if parent >= number:
+        why = (
+            f"wheel {number} must stand after the wheel that it meshes with, and no wheel may mesh"
+            " with itself in a circle"
+        )
+        raise InputError("wheel.parent", parent, why)
+    return parent
+
+
+def _are_in_a_row(wheels: tuple[Wheel, ...], epsilon: float) -> bool:
+    """Whether wheels are the paper's one or two stages: in a row, nameless, with one restitution
+    and one radius each."""
+    parents = [wheel.parent for wheel in wheels]
+    plain = all(w.ratio == 1.0 and w.epsilon in (None, epsilon) and not w.name for w in wheels)
+    return plain and parents in ([0], [0, 1])
+
+
+def _as_table(wheel: Wheel) -> dict[str, Any]:
+    """A wheel as plain data; what is as by default is left out."""
+    defaults = {f.name: f.default for f in fields(Wheel)}
+    return {name: value for name, value in asdict(wheel).items() if value != defaults[name]}
+
+
+def _read_wheel(data: object) -> Wheel:
+    """A wheel from plain data."""
+    table = _table("scene.wheels", data)
+    errors.check_keys("scene.wheels", table, (f.name for f in fields(Wheel)))
+    return Wheel(**table)
 
 
 def _copy_with(part: Part, **changes: Any) -> Part:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from rattle.scene.errors import choice
 from rattle.scene.numpy_errors import numpy_defaults
 from rattle.scene.text import as_html
-from rattle.scene.types import SECTION
+from rattle.scene.types import section_names
 from rattle.scene.units import as_dataset, in_units, units_of
 
 if (
@@ -105,7 +105,7 @@ class SectionResult:
         from rattle.scene.plot import plot_section
 
         scene = self.scene
-        choice("quantity", quantity, SECTION[: 2 + 2 * scene.stages])
+        choice("quantity", quantity, section_names(scene.stages))
         unit, factor = units_of(units, scene.gears)[quantity]
         return plot_section(
             self.section, quantity, unit, factor, f"{self._title}, sigma = {scene.sigma:.4g}"

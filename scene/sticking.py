@@ -1,85 +1,142 @@
 """Sticking: when chatter is complete, what keeps a mesh closed, when it opens, and how the rest of
 the system moves.
 
-A mesh sticks on a side while its contact force pushes.  The contact at mesh 1 changes the
-accelerations of ``(y1, y2)`` in the proportion (1, 1), that at mesh 2 in the proportion (mu, 1), as
-their impulses do (docs/model.md section 3). With ``p_i = beta_i u_i + gamma_i`` and the free
-accelerations ``f1 = p1 + alpha f''``, ``f2 = p1 - p2``:
+Wheels whose meshes are closed move as one body: a wheel again, at the mesh of its first wheel
+(`lock`).  With ``v_j = K_j v_r`` for a wheel j of the body of wheel r, and sums over all that is
+locked below a mesh i, itself included,
 
-- mesh 1 sticks: wheel 1 moves with the driver, and ``-x2`` is a single stage with the damping and
-  drag of wheel 2;
-- mesh 2 sticks: both wheels move as one, and x1 is a single stage with damping ``(1 - mu) beta1 +
-  mu beta2`` and the drag averaged likewise;
-- both stick: everything moves with the driver.
+    M = sum K_j^2 m_j,   B = sum K_j^2 m_j beta_j / M,   G = sum K_j m_j gamma_j / M,
+
+the force in the closed mesh i is ``M (v_i' - (G - B v_i + kappa_i alpha (f'' + B f')))``.  A mesh
+sticks on a side while its contact pushes.  A body that is locked to the driver moves with it.
 
 Chatter is completed as a geometric series (`complete_chatter`).
 """
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
+
+import numpy as np
 
 from rattle.scene import drive as motion
 from rattle.scene.compiled import internal
-from rattle.scene.flight import State, flow, wheel_speeds
-from rattle.scene.impact import NONE, REST, TOUCH_STEP, next_impact, safe_time
-from rattle.scene.types import Constants
-
-Sides = tuple[int, int]
-"""Sides on which mesh 1 and mesh 2 stick, +1 or -1; 0 for an open mesh."""
+from rattle.scene.flight import deviations, flow, wheel_speeds
+from rattle.scene.impact import NONE, REST, TOUCH_STEP, approach, next_impact, safe_time
+from rattle.scene.types import Constants, Floats, Ints
+from rattle.scene.wheel import complete_wheels
 
 # longest time, and largest relative change of the contact acceleration, of chatter that is summed
 # up
 CHATTER_LIMIT = 1e-6
+MOST_CHANGES = 10_000  # of the meshes that stick, until the right ones are
+DRIVER = -1  # root of a body that is locked to the driver
+
+
+class Bodies(NamedTuple):
+    """What the wheels make where some meshes are closed; arrays by wheel."""
+
+    root: Ints  # first wheel of its body, or `DRIVER`
+    carry: Floats  # its speed over that of the root
+    # mass, beta, gamma: of all that is locked below its mesh, as one wheel there
+    mass: Floats
+    beta: Floats
+    gamma: Floats
 
 
 @internal
-def _pulls(c: Constants, tau: float, y1: float, y2: float) -> tuple[float, float, float]:
-    """``(p1, p2)`` and the acceleration of the driver, ``alpha f''``."""
-    u1, u2 = wheel_speeds(c, tau, y1, y2)
-    return (
-        c.beta1 * u1 + c.gamma1,
-        c.beta2 * u2 + c.gamma2,
-        c.alpha * motion.acceleration(c.drive, tau),
-    )
+def lock(c: Constants, closed: Ints) -> Bodies:
+    """The bodies that closed meshes make of the wheels.
+
+    `closed`: Sides on which meshes are closed, +1 or -1; 0 for an open mesh.  Shapes: `closed`
+    (wheels,).
+    """
+    n = c.wheels.size
+    root = np.empty(n, np.int64)
+    carry = np.ones(n)
+    mass = np.empty(n)
+    beta = np.empty(n)
+    gamma = np.empty(n)
+    for i in range(n):
+        wheel = c.wheels[i]
+        root[i] = i
+        if closed[i] != 0:
+            root[i] = DRIVER
+            carry[i] = wheel.turn
+            if wheel.parent >= 0:
+                root[i] = root[wheel.parent]
+                carry[i] = wheel.ratio * carry[wheel.parent]
+        mass[i] = wheel.mass
+        beta[i] = wheel.mass * wheel.beta
+        gamma[i] = wheel.mass * wheel.gamma
+    for i in range(n - 1, -1, -1):
+        wheel = c.wheels[i]
+        if closed[i] != 0 and wheel.parent >= 0:
+            mass[wheel.parent] += wheel.ratio * wheel.ratio * mass[i]
+            beta[wheel.parent] += wheel.ratio * wheel.ratio * beta[i]
+            gamma[wheel.parent] += wheel.ratio * gamma[i]
+        beta[i] /= mass[i]
+        gamma[i] /= mass[i]
+    return Bodies(root, carry, mass, beta, gamma)
 
 
 @internal
-def presses(c: Constants, tau: float, y1: float, y2: float, sides: Sides) -> tuple[float, float]:
-    """Contact forces of the sticking meshes, as accelerations: positive while a contact pushes, 0
-    for an open mesh."""
-    p1, p2, driver = _pulls(c, tau, y1, y2)
-    f1 = p1 + driver
-    f2 = p1 - p2
-    first, second = sides
-    if first != 0 and second != 0:
-        return first * (f1 - c.mu * f2) / (1.0 - c.mu), -second * (f1 - f2) / (1.0 - c.mu)
-    return first * f1, second * f2
+def contact_motion(c: Constants, tau: float, s: Floats, closed: Ints) -> Floats:
+    """By mesh: the push of a closed one's contact as an acceleration of all that is locked below
+    it, positive while it pushes; the acceleration of an open one's gap.
+
+    ``v_i' = w_i + kappa_i alpha f''``; the last term is the same for both sides of a gap.  Shapes:
+    `s` (2 wheels,); `closed`, result (wheels,).
+    """
+    n = c.wheels.size
+    bodies = lock(c, closed)
+    u = wheel_speeds(c, tau, s)
+    first, second = motion.velocity_acceleration(c.drive, tau)
+    w = np.empty(n)
+    out = np.empty(n)
+    for i in range(n):
+        wheel = c.wheels[i]
+        r = bodies.root[i]
+        if r == DRIVER:
+            speed = wheel.turn * c.alpha * first
+            w[i] = -wheel.turn * c.alpha * second
+        else:
+            speed = bodies.carry[i] * u[r]
+            w[i] = bodies.carry[i] * (bodies.gamma[r] + bodies.beta[r] * u[r])
+        if closed[i] != 0:
+            own = bodies.gamma[i] + bodies.beta[i] * speed
+            out[i] = closed[i] * wheel.sign * (own - w[i])
+        elif wheel.parent < 0:
+            out[i] = wheel.sign * (w[i] + wheel.turn * c.alpha * second)
+        else:
+            out[i] = wheel.ratio * w[wheel.parent] - w[i]
+    return out
 
 
 @internal
-def find_sticking(c: Constants, tau: float, y1: float, y2: float, touching: Sides) -> Sides:
+def find_sticking(c: Constants, tau: float, s: Floats, touching: Ints) -> Ints:
     """Which meshes stick, of those that touch a wall at zero speed.
 
-    If both touch, the answer is the one combination in which every contact pushes and every open
-    mesh accelerates away. It is unique, because the matrix of the contacts' effects on each other
-    has a positive determinant, ``1 - mu``.
+    The answer is the one combination in which every contact pushes and every open mesh accelerates
+    away.  It is unique, because the matrix of the contacts' effects on each other is positive
+    definite, and is found by changing the first mesh that is wrong, again and again (Murty 1974).
 
     `touching`: Sides on which meshes touch their wall at zero speed; 0 for a mesh that does not.
+    Shapes: `s` (2 wheels,); `touching`, result (wheels,).
     """
-    first, second = touching
-    press1, press2 = presses(c, tau, y1, y2, touching)
-    if first != 0 and second != 0:
-        if press1 > 0.0 and press2 > 0.0:
-            return first, second
-        p1, p2, driver = _pulls(c, tau, y1, y2)
-        if (
-            first * (p1 + driver) > 0.0 and second * (p2 + driver) >= 0.0
-        ):  # y2' = -(p2 + driver) opens mesh 2
-            return first, 0
-        if second * (p1 - p2) > 0.0:
-            return 0, second
-        return 0, 0
-    return (first if press1 > 0.0 else 0), (second if press2 > 0.0 else 0)
+    closed = np.zeros(touching.size, np.int64)
+    wrong = 0
+    for _ in range(MOST_CHANGES):
+        motions = contact_motion(c, tau, s, closed)
+        wrong = -1
+        for i in range(touching.size - 1, -1, -1):
+            opens = closed[i] != 0 and motions[i] <= 0.0
+            closes = closed[i] == 0 and touching[i] * motions[i] > 0.0
+            if opens or closes:
+                wrong = i
+        if wrong < 0:
+            break
+        closed[wrong] = touching[wrong] if closed[wrong] == 0 else 0
+    return closed
 
 
 @internal
@@ -125,228 +182,307 @@ def _until_orders(
 
 
 @internal
-def opening(c: Constants, tau: float, y1: float, y2: float, sides: Sides) -> tuple[float, int]:
-    """Time until the first of the sticking meshes opens, because its contact force has fallen to
-    zero."""
-    first, second = sides
-    if first != 0 and second != 0:
-        beta, gamma = _as_one(c)
-        t1 = _until_driver(c.drive, first, beta, gamma, c.alpha, tau)
-        t2 = _until_driver(c.drive, -second, c.beta2, c.gamma2, c.alpha, tau)
-        return (t1, 1) if t1 <= t2 else (t2, 2)
-    if first != 0:
-        return _until_driver(c.drive, first, c.beta1, c.gamma1, c.alpha, tau), 1
-    # mesh 2 sticks: it opens at the common speed at which both wheels decelerate alike
-    beta, gamma = _as_one(c)
-    u, _ = wheel_speeds(c, tau, y1, y2)
-    if c.beta1 == c.beta2:
-        return math.inf, 2
-    left = u + (c.gamma1 - c.gamma2) / (c.beta1 - c.beta2)  # what is left to lose of the speed u
-    rate = beta * u + gamma
+def _until_apart(i: int, speed: float, bodies: Bodies) -> float:
+    """Time until a closed mesh of a moving body opens: the speed of the body's first wheel at which
+    both sides of the mesh decelerate alike; infinite if it never comes."""
+    r = bodies.root[i]
+    beta = bodies.beta[r]
+    slope = bodies.carry[i] * (beta - bodies.beta[i])
+    if slope == 0.0:
+        return math.inf
+    # what is left to lose of the speed
+    left = speed + (bodies.carry[i] * bodies.gamma[r] - bodies.gamma[i]) / slope
+    rate = beta * speed + bodies.gamma[r]
     e = left / rate if rate != 0.0 else math.inf  # E = (1 - exp(-beta t)) / beta at the opening
     if not e > 0.0 or beta * e >= 1.0:
-        return math.inf, 2
-    return (e if beta == 0.0 else -math.log1p(-beta * e) / beta), 2
+        return math.inf
+    return e if beta == 0.0 else -math.log1p(-beta * e) / beta
 
 
 @internal
-def _as_one(c: Constants) -> tuple[float, float]:
-    """Damping and drag of both wheels moving together."""
-    return (1.0 - c.mu) * c.beta1 + c.mu * c.beta2, (1.0 - c.mu) * c.gamma1 + c.mu * c.gamma2
+def opening(c: Constants, tau: float, s: Floats, closed: Ints) -> tuple[float, int]:
+    """Time until the first of the sticking meshes opens, because its contact force has fallen to
+    zero, and its index."""
+    bodies = lock(c, closed)
+    u = wheel_speeds(c, tau, s)
+    first = math.inf
+    which = 0
+    for i in range(c.wheels.size):
+        if closed[i] == 0:
+            continue
+        wheel = c.wheels[i]
+        if bodies.root[i] == DRIVER:
+            side = closed[i] * int(wheel.sign)
+            alpha = wheel.turn * c.alpha
+            t = _until_driver(c.drive, side, bodies.beta[i], bodies.gamma[i], alpha, tau)
+        else:
+            t = _until_apart(i, u[bodies.root[i]], bodies)
+        if t < first:
+            first = t
+            which = i
+    return first, which
 
 
 @internal
-def open_stage(c: Constants, sides: Sides) -> Constants:
-    """The single stage that remains while one mesh sticks.
+def open_meshes(closed: Ints) -> Ints:
+    """Indices of the meshes that are open."""
+    count = 0
+    for i in range(closed.size):
+        count += closed[i] == 0
+    out = np.empty(count, np.int64)
+    count = 0
+    for i in range(closed.size):
+        if closed[i] == 0:
+            out[count] = i
+            count += 1
+    return out
 
-    Returns: A single stage for ``-x2`` if mesh 1 sticks, for ``x1`` if mesh 2 does.
+
+@internal
+def as_bodies(c: Constants, closed: Ints) -> Constants:
+    """The scene whose wheels are the bodies that closed meshes leave: those of the open meshes.
+
+    A mesh with a wheel that is locked to the driver is one at the driver, with the sign that it
+    has.
     """
-    beta, gamma = _as_one(c)
-    wall = c.wall1
-    if sides[0] != 0:
-        beta = c.beta2
-        gamma = c.gamma2
-        wall = c.wall2
-    return Constants(
-        c.alpha, c.epsilon, beta, 0.0, gamma, 0.0, 0.0, wall, wall, c.sigma, 1, c.drive, c.memory
-    )
+    bodies = lock(c, closed)
+    free = open_meshes(closed)
+    wheels = c.wheels[: free.size].copy()
+    for j in range(free.size):
+        i = free[j]
+        wheel = c.wheels[i]
+        body = wheels[j]
+        body.parent = DRIVER
+        body.sign = wheel.sign
+        body.ratio = wheel.ratio
+        if wheel.parent >= 0:
+            root = bodies.root[wheel.parent]
+            body.ratio = wheel.ratio * bodies.carry[wheel.parent]
+            for k in range(j):
+                if free[k] == root:
+                    body.parent = k
+        body.turn = wheel.turn
+        body.beta = bodies.beta[i]
+        body.gamma = bodies.gamma[i]
+        body.mass = bodies.mass[i]
+        body.wall = wheel.wall
+        body.epsilon = wheel.epsilon
+    complete_wheels(wheels)
+    return Constants(c.alpha, c.sigma, wheels, c.drive, c.memory)
 
 
 @internal
-def stick_on(
-    c: Constants, tau: float, x1: float, y1: float, x2: float, y2: float, sides: Sides, t: float
-) -> State:
+def take_open(s: Floats, free: Ints) -> Floats:
+    """The part of a state that belongs to some meshes.
+
+    Shapes: `s` (2 wheels,); result (2 free,).
+    """
+    out = np.empty(2 * free.size)
+    for j in range(free.size):
+        out[2 * j] = s[2 * free[j]]
+        out[2 * j + 1] = s[2 * free[j] + 1]
+    return out
+
+
+@internal
+def put_open(s: Floats, free: Ints, part: Floats) -> Floats:
+    """A state with another part for some meshes: see `take_open`."""
+    out = s.copy()
+    for j in range(free.size):
+        out[2 * free[j]] = part[2 * j]
+        out[2 * free[j] + 1] = part[2 * j + 1]
+    return out
+
+
+@internal
+def stick_on(c: Constants, tau: float, s: Floats, closed: Ints, t: float) -> Floats:
     """State after a time in which the same meshes stick and no wall is struck."""
-    first, second = sides
-    if first == 0 and second == 0:
-        return flow(c, tau, x1, y1, x2, y2, t)
-    if first == 0:
-        x1, y1, _, _ = flow(open_stage(c, sides), tau, x1, y1, 0.0, 0.0, t)
-        return x1, y1, x2, y2
-    if second == 0 and c.stages == 2:
-        x2, y2, _, _ = flow(open_stage(c, sides), tau, -x2, -y2, 0.0, 0.0, t)
-        return x1, y1, -x2, -y2
-    return x1, y1, x2, y2
+    free = open_meshes(closed)
+    return put_open(s, free, flow(as_bodies(c, closed), tau, take_open(s, free), t))
 
 
 @internal
 def next_contact(
-    c: Constants,
-    tau: float,
-    x1: float,
-    y1: float,
-    x2: float,
-    y2: float,
-    sides: Sides,
-    horizon: float,
-) -> tuple[float, int, int, float, float, float, float, Sides]:
-    """The next event of a sticking phase: an impact of the open mesh, or the opening of a sticking
+    c: Constants, tau: float, s: Floats, closed: Ints, horizon: float
+) -> tuple[float, int, int, Floats, Ints]:
+    """The next event of a sticking phase: an impact of an open mesh, or the opening of a sticking
     one.
 
-    Returns: As of `rattle.scene.impact.next_impact`; `REST` means that a mesh has opened, or that
-    the open one has come to its wall at zero speed.
+    Returns: As of `rattle.scene.impact.next_impact`, and the meshes that stick then; `REST` means
+    that a mesh has opened, or that an open one has come to its wall at zero speed.
     """
-    first, second = sides
-    opens, which = opening(c, tau, y1, y2, sides)
+    opens, which = opening(c, tau, s, closed)
+    free = open_meshes(closed)
+    body_state = take_open(s, free)
     until = min(opens, horizon)
-    t = until
-    mesh = NONE
-    side = 0
-    if first == 0:
-        t, mesh, side, x1, y1, _, _ = next_impact(
-            open_stage(c, sides), tau, x1, y1, 0.0, 0.0, until
-        )
-    elif second == 0 and c.stages == 2:
-        t, mesh, side, x2, y2, _, _ = next_impact(
-            open_stage(c, sides), tau, -x2, -y2, 0.0, 0.0, until
-        )
-        x2 = -x2
-        y2 = -y2
-        mesh = 2 if mesh == 1 else mesh
-        side = -side
-    if mesh == REST:
-        return t, mesh, side, x1, y1, x2, y2, (0, 0)
-    if mesh == NONE and opens <= horizon:
+    t, mesh, side, body_state = next_impact(as_bodies(c, closed), tau, body_state, until)
+    out = put_open(s, free, body_state)
+    still = closed.copy()
+    if mesh > 0:
+        mesh = free[mesh - 1] + 1
+    elif mesh == REST:
+        still[:] = 0
+    elif mesh == NONE and opens <= horizon:
         # step over the opening: TOUCH_STEP later the mesh moves inward, if by less than the
         # rounding of its displacement
         mesh = REST
-        side = first if which == 1 else second
-        first, second = (0, second) if which == 1 else (first, 0)
-        x1, y1, x2, y2 = flow(c, tau + t, x1, y1, x2, y2, TOUCH_STEP)
-        x1, y1, x2, y2 = stuck(c, x1, y1, x2, y2, (first, second))
-        if which == 1:
-            x1 = side * c.wall1
-            y1 = -side * max(-side * y1, 1e-300)
-        else:
-            x2 = side * c.wall2
-            y2 = -side * max(-side * y2, 1e-300)
+        side = closed[which]
+        still[which] = 0
+        out = stick_on(c, tau + t, out, still, TOUCH_STEP)
+        out[2 * which] = side * c.wheels[which].wall
+        out[2 * which + 1] = -side * max(-side * out[2 * which + 1], 1e-300)
         t += TOUCH_STEP
-    return t, mesh, side, x1, y1, x2, y2, (first, second)
+    return t, mesh, side, out, still
 
 
 @internal
-def stuck_on(
-    c: Constants, x1: float, y1: float, x2: float, y2: float, mesh: int, place: float
-) -> State:
-    """The state with a mesh put on its wall at zero speed, everything that its contact does not act
-    on kept.
+def close(c: Constants, s: Floats, closed: Ints) -> Floats:
+    """The state with sticking meshes put on their walls at zero speed.
 
-    At mesh 1 position and speed of wheel 2 are kept, at mesh 2 the momentum and centre of mass of
-    both wheels.
+    Each body keeps its momentum and its centre of mass; one that is locked to the driver moves with
+    it.  All other wheels stay as they are.
     """
-    if mesh == 1:
-        return place, 0.0, x2 + (place - x1), y2 - y1
-    return x1 + c.mu * (place - x2), y1 - c.mu * y2, place, 0.0
+    n = c.wheels.size
+    bodies = lock(c, closed)
+    v = deviations(c)
+    # of each wheel: position and speed, and its place in its body
+    place = np.zeros(n)
+    now = np.zeros((2, n))
+    kept = np.zeros((2, n))
+    for i in range(n):
+        wheel = c.wheels[i]
+        for j in range(i + 1):
+            now[0, i] += v[i, j] * s[2 * j]
+            now[1, i] += v[i, j] * s[2 * j + 1]
+        if closed[i] != 0:
+            carried = wheel.ratio * place[wheel.parent] if wheel.parent >= 0 else 0.0
+            place[i] = carried + wheel.sign * (closed[i] * wheel.wall)
+        r = bodies.root[i]
+        if r != DRIVER:
+            share = bodies.carry[i] * wheel.mass / bodies.mass[r]
+            kept[0, r] += share * (now[0, i] - place[i])
+            kept[1, r] += share * now[1, i]
+    moved = np.zeros((2, n))
+    for i in range(n):
+        r = bodies.root[i]
+        alone = r == i and bodies.mass[i] == c.wheels[i].mass
+        if not alone:
+            at = bodies.carry[i] * kept[0, r] if r != DRIVER else 0.0
+            speed = bodies.carry[i] * kept[1, r] if r != DRIVER else 0.0
+            moved[0, i] = at + place[i] - now[0, i]
+            moved[1, i] = speed - now[1, i]
+    out = s.copy()
+    for i in range(n):
+        wheel = c.wheels[i]
+        for part in range(2):
+            carried = wheel.ratio * moved[part, wheel.parent] if wheel.parent >= 0 else 0.0
+            out[2 * i + part] += carried + wheel.sign * moved[part, i]
+        if closed[i] != 0:
+            out[2 * i] = closed[i] * wheel.wall
+            out[2 * i + 1] = 0.0
+    return out
 
 
 @internal
-def stuck(c: Constants, x1: float, y1: float, x2: float, y2: float, sides: Sides) -> State:
-    """The state with all sticking meshes put on their walls at zero speed, see `stuck_on`."""
-    first, second = sides
-    if first != 0 and second != 0:
-        return first * c.wall1, 0.0, second * c.wall2, 0.0
-    if first != 0:
-        return stuck_on(c, x1, y1, x2, y2, 1, first * c.wall1)
-    if second != 0:
-        return stuck_on(c, x1, y1, x2, y2, 2, second * c.wall2)
-    return x1, y1, x2, y2
+def _most_acceleration(c: Constants, tau: float, s: Floats) -> float:
+    """A bound of all accelerations of gaps and contacts: what their terms add up to, on the
+    lightest wheel."""
+    u = wheel_speeds(c, tau, s)
+    driver = abs(c.alpha * motion.acceleration(c.drive, tau))
+    total = 0.0
+    mass = 0.0
+    lightest = math.inf
+    for i in range(c.wheels.size):
+        wheel = c.wheels[i]
+        total += abs(wheel.beta * u[i] + wheel.gamma) + wheel.turn * driver
+        mass += wheel.turn * wheel.turn * wheel.mass
+        lightest = min(lightest, wheel.turn * wheel.turn * wheel.mass)
+    return total * mass / lightest
 
 
 @internal
-def may_chatter(c: Constants, tau: float, y1: float, y2: float, mesh: int) -> bool:
+def may_chatter(c: Constants, tau: float, s: Floats, mesh: int) -> bool:
     """Whether a mesh is left so slowly that `complete_chatter` may sum up its impacts: the speed
-    that is bounded there.
-
-    No contact acceleration exceeds what the terms of all add up to.
-    """
-    p1, p2, driver = _pulls(c, tau, y1, y2)
-    most = (abs(p1) + abs(p2) + abs(driver)) / (1.0 - c.mu)
-    return (1.0 - c.epsilon) * CHATTER_LIMIT * most >= abs(y1 if mesh == 1 else y2)
+    that is bounded there."""
+    most = _most_acceleration(c, tau, s)
+    epsilon = c.wheels[mesh - 1].epsilon
+    return (1.0 - epsilon) * CHATTER_LIMIT * most >= abs(s[2 * mesh - 1])
 
 
 @internal
 def complete_chatter(
-    c: Constants, tau: float, x1: float, y1: float, x2: float, y2: float, mesh: int, side: int
-) -> tuple[float, Sides]:
+    c: Constants, tau: float, s: Floats, mesh: int, side: int
+) -> tuple[float, Ints]:
     """Whether impacts at a mesh accumulate (chatter), the time until they have, and the meshes that
     then stick.
 
     The speed shrinks by epsilon from bounce to bounce, and the flight times ``2 w / a`` with it.
     Their sum is ``2 w / (a (1 - epsilon))``, w the speed after the impact and a the acceleration
     towards the wall.  The sum is used where it is short, a changes by less than the share
-    `CHATTER_LIMIT` in it, and the other mesh meets no wall; its relative error is about
-    `CHATTER_LIMIT`.  Two meshes that throw each other back stick together, at once, when both are
-    that slow and that close to their walls: they are hardly ever on both at the same instant.
+    `CHATTER_LIMIT` in it, and no other mesh meets a wall; its relative error is about
+    `CHATTER_LIMIT`.  Meshes that throw each other back stick together, at once, when all are that
+    slow and that close to their walls: they are hardly ever on them at the same instant.
 
     Returns: Time until the chatter is complete; infinite where impacts do not accumulate, or cannot
     be summed up yet.
     """
-    if c.epsilon == 1.0:
-        return math.inf, (0, 0)
-    p1, p2, driver = _pulls(c, tau, y1, y2)
+    n = c.wheels.size
+    u = wheel_speeds(c, tau, s)
+    driver = c.alpha * motion.acceleration(c.drive, tau)
     force = c.alpha * motion.most_acceleration(c.drive)
     jolt = c.alpha * motion.most_jerk(c.drive)
-    jerk1 = jolt + c.beta1 * abs(p1)
-    jerk2 = c.beta1 * abs(p1) + c.beta2 * abs(p2)
-    longest = 2.0 / (1.0 - c.epsilon)
-    if c.stages == 2:
-        sides = (1 if x1 > 0.0 else -1), (1 if x2 > 0.0 else -1)
-        press1, press2 = presses(c, tau, y1, y2, sides)
-        weakest = min(press1, press2)
-        if weakest > 0.0:
-            gap = max(c.wall1 - abs(x1), c.wall2 - abs(x2), 0.0)
-            speed = max(abs(y1), abs(y2)) + math.sqrt(2.0 * max(press1, press2) * gap)
-            t = longest * speed / weakest
-            if t <= CHATTER_LIMIT and t * (jerk1 + jerk2) <= CHATTER_LIMIT * weakest:
-                return 0.0, sides
-    if mesh == 1:
-        press = side * (p1 + driver)
-        speed = -side * y1
-        change = jerk1
-        sides = (side, 0)
-    else:
-        press = side * (p1 - p2)
-        speed = -side * y2
-        change = jerk2
-        sides = (0, side)
+    most = _most_acceleration(c, tau, s)
+    never = np.zeros(n, np.int64)
+    near = np.zeros(n, np.int64)
+    at_rest = np.zeros(n, np.int64)
+    longest = 0.0
+    fastest = 0.0
+    change = 0.0
+    for i in range(n):
+        wheel = c.wheels[i]
+        gap = max(wheel.wall - abs(s[2 * i]), 0.0)
+        speed = abs(s[2 * i + 1]) + math.sqrt(2.0 * most * gap)
+        change += approach(c, i, u, driver, force, jolt)[3]
+        nearest = 1 if s[2 * i] > 0.0 else -1
+        if speed == 0.0 and i != mesh - 1:
+            at_rest[i] = nearest
+        if i == mesh - 1 or 2.0 * speed <= (1.0 - wheel.epsilon) * CHATTER_LIMIT * most:
+            near[i] = nearest
+            if wheel.epsilon == 1.0:
+                return math.inf, never
+            longest = max(longest, 2.0 / (1.0 - wheel.epsilon))
+            fastest = max(fastest, speed)
+    together = find_sticking(c, tau, s, near)
+    if together[mesh - 1] != 0:
+        others = False
+        weakest = math.inf
+        pushes = contact_motion(c, tau, s, together)
+        for i in range(n):
+            if together[i] != 0:
+                others = others or (i != mesh - 1 and at_rest[i] == 0)
+                weakest = min(weakest, pushes[i])
+        t = longest * fastest / weakest
+        if others and t <= CHATTER_LIMIT and t * change <= CHATTER_LIMIT * weakest:
+            return 0.0, together
+    closed = find_sticking(c, tau, s, at_rest)
+    press = side * contact_motion(c, tau, s, closed)[mesh - 1]
+    speed = -side * s[2 * mesh - 1]
     if not (press > 0.0 and speed >= 0.0):
-        return math.inf, (0, 0)
-    t = longest * speed / press
+        return math.inf, never
+    t = 2.0 / (1.0 - c.wheels[mesh - 1].epsilon) * speed / press
+    change = approach(c, mesh - 1, u, driver, force, jolt)[3]
     if t > CHATTER_LIMIT or t * change > CHATTER_LIMIT * press:
-        return math.inf, (0, 0)
-    if c.stages == 2:
-        if mesh == 1:
-            x = x2
-            y = y2
-            wall = c.wall2
-            f = -(p2 + driver)
-            most = abs(p2) + force
-        else:
-            x = x1
-            y = y1
-            wall = c.wall1
-            f = p1 + driver - c.mu * (p1 - p2)
-            most = abs(p1) + abs(p2) + force
-        if min(safe_time(wall - x, y, f, most, 0.0), safe_time(wall + x, -y, -f, most, 0.0)) < t:
-            return math.inf, (0, 0)
-    return t, sides
+        return math.inf, never
+    closed[mesh - 1] = side
+    motions = contact_motion(c, tau, s, closed)
+    for i in range(n):
+        if closed[i] != 0:
+            continue
+        wheel = c.wheels[i]
+        x = s[2 * i]
+        y = s[2 * i + 1]
+        up = safe_time(wheel.wall - x, y, motions[i], most, 0.0)
+        down = safe_time(wheel.wall + x, -y, -motions[i], most, 0.0)
+        if min(up, down) < t:
+            return math.inf, never
+    return t, closed

@@ -9,6 +9,7 @@ from rattle.scene.drive import velocity_acceleration
 from rattle.scene.gears import KG_MM_PER_S2_PER_N
 from rattle.scene.numpy_errors import numpy_defaults
 from rattle.scene.scene import Scene, check_scene
+from rattle.scene.sticking import lock
 from rattle.scene.types import Constants
 
 PULL_POINTS = 32  # points for each order of the drive, among which the largest pull is looked for
@@ -89,25 +90,32 @@ def rattle_threshold(scene: Scene) -> tuple[RattleThreshold, ...]:
     """
     check_scene(scene)
     c = scene.constants
-    if scene.stages == 1:
-        found = [(c.gamma1, _largest_pull(c, c.beta1))]
-    else:
-        second = _largest_pull(c, c.beta2)
-        both = _largest_pull(c, (1.0 - c.mu) * c.beta1 + c.mu * c.beta2)
-        first = max((both - c.mu * max(c.gamma2, second)) / (1.0 - c.mu), 0.0)
-        found = [(c.gamma1, first), (c.gamma2, second)]
+    wheels = c.wheels
+    bodies = lock(c, np.ones(wheels.size, np.int64))
+    # least: of each wheel; kept: of all that is locked below its mesh, each with its own threshold
+    # or more
+    least = np.empty(wheels.size)
+    kept = np.zeros(wheels.size)
+    for i in range(wheels.size - 1, -1, -1):
+        wheel = wheels[i]
+        below = kept[i]
+        needed = wheel.turn * _largest_pull(c, bodies.beta[i]) * bodies.mass[i]
+        least[i] = max((needed - below) / wheel.mass, 0.0)
+        if wheel.parent >= 0:
+            total = wheel.mass * max(wheel.gamma, least[i]) + below
+            kept[wheel.parent] += wheel.ratio * total
     gears = scene.gears
     out = []
-    for wheel, (gamma, least) in enumerate(found, 1):
+    for number, (gamma, threshold) in enumerate(zip(wheels["gamma"], least, strict=True), 1):
         if gears is None:
-            out.append(RattleThreshold(wheel, gamma, least, ""))
+            out.append(RattleThreshold(number, float(gamma), float(threshold), ""))
             continue
         inertia, radius, torque = (
-            getattr(gears, f"{name}{wheel}") for name in ("inertia", "radius", "torque")
+            getattr(gears, f"{name}{number}") for name in ("inertia", "radius", "torque")
         )
         # N mm of gamma = 1
         newton = inertia * gears.backlash1 * gears.omega**2 / (KG_MM_PER_S2_PER_N * radius)
-        out.append(RattleThreshold(wheel, torque, least * newton, "N mm"))
+        out.append(RattleThreshold(number, torque, float(threshold) * newton, "N mm"))
     return tuple(out)
 
 

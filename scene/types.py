@@ -9,11 +9,21 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
+Wheels = Any
+"""An array of `WHEEL`, whose records have their fields as attributes."""
 
-STATE = ("x1", "y1", "x2", "y2")
-SECTION = ("tau", "flight", *STATE)
-"""The section quantities: those of a path just before its own k-th impact (a Poincaré section at
-the impacts)."""
+
+
+def state_names(wheels: int) -> tuple[str, ...]:
+    """``x1, y1, x2, y2, ...``: displacement in each gap and its rate."""
+    return tuple(f"{letter}{i}" for i in range(1, wheels + 1) for letter in "xy")
+
+
+def section_names(wheels: int) -> tuple[str, ...]:
+    """The section quantities: those of a path just before its own k-th impact (a Poincaré section
+    at the impacts)."""
+    return ("tau", "flight", *state_names(wheels))
+
 
 CUT = 2.0  # c_max in standard deviations of the normal distribution that is truncated there
 
@@ -40,21 +50,38 @@ SINE: tuple[()] = ()
 sum."""
 
 
+WHEEL = np.dtype(
+    (
+        np.record,
+        [
+            ("parent", np.int64),  # index of the wheel that it meshes with; -1 for the driver
+            ("sign", np.float64),  # of its own deviation in its gap: 1 or -1
+            ("ratio", np.float64),  # k: radius of the parent there over the parent's own
+            ("turn", np.float64),  # kappa: product of the ratios from the driver on
+            ("beta", np.float64),
+            ("gamma", np.float64),
+            ("wall", np.float64),  # half gap of the deterministic orbit
+            ("epsilon", np.float64),
+            ("mass", np.float64),  # at its own mesh, in units of that of wheel 1
+            ("share", np.float64),  # of the parent, of the change of the rate at an impact
+            # The gap obeys y' = -beta y + coupling v_p + drag + (alpha + sigma eta) (second f'' +
+            # first f'), v_p the deviation of the parent's speed
+            ("coupling", np.float64),
+            ("drag", np.float64),
+            ("second", np.float64),
+            ("first", np.float64),
+        ],
+    ),
+    align=True,
+)
+"""A loose wheel and its gap, for compiled code (docs/model.md section 2)."""
+
+
 class Constants(NamedTuple):
     """The numbers of a scene, as a named tuple for compiled code (dimensionless)."""
 
-    # alpha, epsilon, beta1, beta2, gamma1, gamma2, mu, sigma, stages: as of `Scene`; ``beta2 =
-    # gamma2 = mu = 0`` for a single stage
     alpha: float
-    epsilon: float
-    beta1: float
-    beta2: float
-    gamma1: float
-    gamma2: float
-    mu: float
-    wall1: float  # wall1, wall2: half gaps of the deterministic orbit
-    wall2: float
     sigma: float
-    stages: int
+    wheels: Wheels  # of `WHEEL`, parents before their children; (wheels,)
     drive: Any = SINE  # `SINE` or `Orders`
     memory: float = 0.0  # correlation time of the noise; 0 for white noise
