@@ -328,6 +328,7 @@ OPTIONS: dict[str, Any] = {
     "no_cfunc_wrapper": True,
     "error_model": "numpy",
     "_nrt": True,
+    "forceinline": False,
 }
 """Compiled code releases the interpreter lock.
 
@@ -421,16 +422,27 @@ def _fma(_context: Any, a: Any, b: Any, c: Any) -> Any:
 
 @intrinsic
 def _widest_vectors(_context: Any) -> Any:
+    return _mark_function('"prefer-vector-width"="512"')
+
+
+@intrinsic
+def _not_inlined(_context: Any) -> Any:
+    return _mark_function("noinline")
+
+
+def _mark_function(attribute: str) -> Any:
+    """What an intrinsic gives that adds an attribute to the function that calls it."""
+
     def emit(context: Any, builder: Any, _signature: Any, _arguments: Any) -> Any:
         # llvmlite's own `add` knows fewer names
-        set.add(builder.function.attributes, '"prefer-vector-width"="512"')
+        set.add(builder.function.attributes, attribute)
         return context.get_dummy_value()
 
     return types.void(), emit
 
 
 def _nothing() -> None:
-    """Stands for `widest_vectors` where the compiler is off."""
+    """Stands for `widest_vectors` and `not_inlined` where the compiler is off."""
 
 
 fma = cast(Callable[[float, float, float], float], emulate_fma if INTERPRETED else _fma)
@@ -443,6 +455,10 @@ widest_vectors = cast(Callable[[], None], _nothing if INTERPRETED else _widest_v
 It prefers 256 otherwise, since some processors lower their clock under wide vectors; the loops over
 paths win in spite of that.  Numbers do not depend on it.
 """
+
+not_inlined = cast(Callable[[], None], _nothing if INTERPRETED else _not_inlined)
+"""Keep the calling function out of its callers: one that runs rarely would be optimised once more
+within each of them."""
 
 
 @inline

@@ -6,7 +6,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from rattle.scene.compiled import internal, jit
+from rattle.scene.compiled import internal, jit, lean
 from rattle.scene.drive import acceleration, most_acceleration, most_jerk, most_velocity
 from rattle.scene.flight import displace, wheel_speeds
 from rattle.scene.types import Constants, Floats, Ints
@@ -32,12 +32,12 @@ SOON = 100
 GRAZE = 1e-6
 
 
-@jit
+@lean
 def strike(c: Constants, mesh: int, s: Floats) -> None:
     """Apply an impact at a mesh to the rates of a state, in place (the restitution map).
 
     The driver's motion is prescribed: Eq. 10 uses this map, Eqs. 4 and 6 omit it.  An impact at
-    another mesh is Eq. 4.
+    another mesh is Eq. 4.  Which mesh it is cannot be predicted: there is no branch on it.
 
     Shapes: `s` (2 wheels,).
     """
@@ -50,12 +50,9 @@ def strike(c: Constants, mesh: int, s: Floats) -> None:
     others = wheel.share * change / wheel.ratio
     for j in range(c.wheels.size):
         other = c.wheels[j]
-        if other.parent == i:
-            s[2 * j + 1] += other.ratio * own
-        elif j == wheel.parent:
-            s[2 * j + 1] += other.sign * others
-        elif other.parent == wheel.parent and wheel.parent >= 0:
-            s[2 * j + 1] += other.ratio * others
+        moved = own if other.parent == i else (others if other.parent == wheel.parent else 0.0)
+        by_parent = other.ratio * moved if other.parent >= 0 else 0.0
+        s[2 * j + 1] += other.sign * others if j == wheel.parent else by_parent
     s[2 * i + 1] = -wheel.epsilon * rate
 
 

@@ -596,8 +596,9 @@ class Scene:
             at.wall = wheel.gap + wheel.tolerance if fixed else wheel.gap
             at.epsilon = wheel.epsilon
             at.mass = wheel.mass
-        complete_wheels(wheels)
-        return Constants(self.alpha, self.sigma, wheels, self._orders, self.correlation_time)
+        drive = self._orders
+        complete_wheels(wheels, drive)
+        return Constants(self.alpha, self.sigma, wheels, drive, self.correlation_time)
 
     @property
     def _orders(self) -> Orders | tuple[()]:

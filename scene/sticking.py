@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rattle.scene import drive as motion
-from rattle.scene.compiled import internal
+from rattle.scene.compiled import internal, not_inlined
 from rattle.scene.flight import deviations, flow, wheel_speeds
 from rattle.scene.impact import NONE, REST, TOUCH_STEP, approach, next_impact, safe_time
 from rattle.scene.types import Constants, Floats, Ints
@@ -36,11 +36,15 @@ class Bodies(NamedTuple):
     """What the wheels make where some meshes are closed; arrays by wheel."""
 
     root: Ints  # first wheel of its body, or `DRIVER`
-    carry: Floats  # its speed over that of the root
-    # mass, beta, gamma: of all that is locked below its mesh, as one wheel there
-    mass: Floats
-    beta: Floats
-    gamma: Floats
+    # carry: its speed over that of the root; mass, beta, gamma: of all that is locked below its
+    # mesh, as one wheel there
+    values: Floats  # rows `CARRY`, `MASS`, `BETA`, `GAMMA`; (4, wheels)
+
+
+CARRY = 0
+MASS = 1
+BETA = 2
+GAMMA = 3
 
 
 @internal
@@ -50,33 +54,33 @@ def lock(c: Constants, closed: Ints) -> Bodies:
     `closed`: Sides on which meshes are closed, +1 or -1; 0 for an open mesh.  Shapes: `closed`
     (wheels,).
     """
+    not_inlined()
     n = c.wheels.size
     root = np.empty(n, np.int64)
-    carry = np.ones(n)
-    mass = np.empty(n)
-    beta = np.empty(n)
-    gamma = np.empty(n)
+    values = np.empty((4, n))
     for i in range(n):
         wheel = c.wheels[i]
         root[i] = i
+        values[CARRY, i] = 1.0
         if closed[i] != 0:
             root[i] = DRIVER
-            carry[i] = wheel.turn
+            values[CARRY, i] = wheel.turn
             if wheel.parent >= 0:
                 root[i] = root[wheel.parent]
-                carry[i] = wheel.ratio * carry[wheel.parent]
-        mass[i] = wheel.mass
-        beta[i] = wheel.mass * wheel.beta
-        gamma[i] = wheel.mass * wheel.gamma
+                values[CARRY, i] = wheel.ratio * values[CARRY, wheel.parent]
+        values[MASS, i] = wheel.mass
+        values[BETA, i] = wheel.mass * wheel.beta
+        values[GAMMA, i] = wheel.mass * wheel.gamma
     for i in range(n - 1, -1, -1):
         wheel = c.wheels[i]
         if closed[i] != 0 and wheel.parent >= 0:
-            mass[wheel.parent] += wheel.ratio * wheel.ratio * mass[i]
-            beta[wheel.parent] += wheel.ratio * wheel.ratio * beta[i]
-            gamma[wheel.parent] += wheel.ratio * gamma[i]
-        beta[i] /= mass[i]
-        gamma[i] /= mass[i]
-    return Bodies(root, carry, mass, beta, gamma)
+            square = wheel.ratio * wheel.ratio
+            values[MASS, wheel.parent] += square * values[MASS, i]
+            values[BETA, wheel.parent] += square * values[BETA, i]
+            values[GAMMA, wheel.parent] += wheel.ratio * values[GAMMA, i]
+        values[BETA, i] /= values[MASS, i]
+        values[GAMMA, i] /= values[MASS, i]
+    return Bodies(root, values)
 
 
 @internal
@@ -87,6 +91,7 @@ def contact_motion(c: Constants, tau: float, s: Floats, closed: Ints) -> Floats:
     ``v_i' = w_i + kappa_i alpha f''``; the last term is the same for both sides of a gap.  Shapes:
     `s` (2 wheels,); `closed`, result (wheels,).
     """
+    not_inlined()
     n = c.wheels.size
     bodies = lock(c, closed)
     u = wheel_speeds(c, tau, s)
@@ -100,10 +105,12 @@ def contact_motion(c: Constants, tau: float, s: Floats, closed: Ints) -> Floats:
             speed = wheel.turn * c.alpha * first
             w[i] = -wheel.turn * c.alpha * second
         else:
-            speed = bodies.carry[i] * u[r]
-            w[i] = bodies.carry[i] * (bodies.gamma[r] + bodies.beta[r] * u[r])
+            speed = bodies.values[CARRY, i] * u[r]
+            w[i] = bodies.values[CARRY, i] * (
+                bodies.values[GAMMA, r] + bodies.values[BETA, r] * u[r]
+            )
         if closed[i] != 0:
-            own = bodies.gamma[i] + bodies.beta[i] * speed
+            own = bodies.values[GAMMA, i] + bodies.values[BETA, i] * speed
             out[i] = closed[i] * wheel.sign * (own - w[i])
         elif wheel.parent < 0:
             out[i] = wheel.sign * (w[i] + wheel.turn * c.alpha * second)
@@ -123,6 +130,7 @@ def find_sticking(c: Constants, tau: float, s: Floats, touching: Ints) -> Ints:
     `touching`: Sides on which meshes touch their wall at zero speed; 0 for a mesh that does not.
     Shapes: `s` (2 wheels,); `touching`, result (wheels,).
     """
+    not_inlined()
     closed = np.zeros(touching.size, np.int64)
     wrong = 0
     for _ in range(MOST_CHANGES):
@@ -186,13 +194,16 @@ def _until_apart(i: int, speed: float, bodies: Bodies) -> float:
     """Time until a closed mesh of a moving body opens: the speed of the body's first wheel at which
     both sides of the mesh decelerate alike; infinite if it never comes."""
     r = bodies.root[i]
-    beta = bodies.beta[r]
-    slope = bodies.carry[i] * (beta - bodies.beta[i])
+    beta = bodies.values[BETA, r]
+    slope = bodies.values[CARRY, i] * (beta - bodies.values[BETA, i])
     if slope == 0.0:
         return math.inf
     # what is left to lose of the speed
-    left = speed + (bodies.carry[i] * bodies.gamma[r] - bodies.gamma[i]) / slope
-    rate = beta * speed + bodies.gamma[r]
+    left = (
+        speed
+        + (bodies.values[CARRY, i] * bodies.values[GAMMA, r] - bodies.values[GAMMA, i]) / slope
+    )
+    rate = beta * speed + bodies.values[GAMMA, r]
     e = left / rate if rate != 0.0 else math.inf  # E = (1 - exp(-beta t)) / beta at the opening
     if not e > 0.0 or beta * e >= 1.0:
         return math.inf
@@ -214,7 +225,9 @@ def opening(c: Constants, tau: float, s: Floats, closed: Ints) -> tuple[float, i
         if bodies.root[i] == DRIVER:
             side = closed[i] * int(wheel.sign)
             alpha = wheel.turn * c.alpha
-            t = _until_driver(c.drive, side, bodies.beta[i], bodies.gamma[i], alpha, tau)
+            t = _until_driver(
+                c.drive, side, bodies.values[BETA, i], bodies.values[GAMMA, i], alpha, tau
+            )
         else:
             t = _until_apart(i, u[bodies.root[i]], bodies)
         if t < first:
@@ -226,6 +239,7 @@ def opening(c: Constants, tau: float, s: Floats, closed: Ints) -> tuple[float, i
 @internal
 def open_meshes(closed: Ints) -> Ints:
     """Indices of the meshes that are open."""
+    not_inlined()
     count = 0
     for i in range(closed.size):
         count += closed[i] == 0
@@ -245,6 +259,7 @@ def as_bodies(c: Constants, closed: Ints) -> Constants:
     A mesh with a wheel that is locked to the driver is one at the driver, with the sign that it
     has.
     """
+    not_inlined()
     bodies = lock(c, closed)
     free = open_meshes(closed)
     wheels = c.wheels[: free.size].copy()
@@ -257,17 +272,17 @@ def as_bodies(c: Constants, closed: Ints) -> Constants:
         body.ratio = wheel.ratio
         if wheel.parent >= 0:
             root = bodies.root[wheel.parent]
-            body.ratio = wheel.ratio * bodies.carry[wheel.parent]
+            body.ratio = wheel.ratio * bodies.values[CARRY, wheel.parent]
             for k in range(j):
                 if free[k] == root:
                     body.parent = k
         body.turn = wheel.turn
-        body.beta = bodies.beta[i]
-        body.gamma = bodies.gamma[i]
-        body.mass = bodies.mass[i]
+        body.beta = bodies.values[BETA, i]
+        body.gamma = bodies.values[GAMMA, i]
+        body.mass = bodies.values[MASS, i]
         body.wall = wheel.wall
         body.epsilon = wheel.epsilon
-    complete_wheels(wheels)
+    complete_wheels(wheels, c.drive)
     return Constants(c.alpha, c.sigma, wheels, c.drive, c.memory)
 
 
@@ -277,6 +292,7 @@ def take_open(s: Floats, free: Ints) -> Floats:
 
     Shapes: `s` (2 wheels,); result (2 free,).
     """
+    not_inlined()
     out = np.empty(2 * free.size)
     for j in range(free.size):
         out[2 * j] = s[2 * free[j]]
@@ -287,6 +303,7 @@ def take_open(s: Floats, free: Ints) -> Floats:
 @internal
 def put_open(s: Floats, free: Ints, part: Floats) -> Floats:
     """A state with another part for some meshes: see `take_open`."""
+    not_inlined()
     out = s.copy()
     for j in range(free.size):
         out[2 * free[j]] = part[2 * j]
@@ -321,7 +338,8 @@ def next_contact(
     if mesh > 0:
         mesh = free[mesh - 1] + 1
     elif mesh == REST:
-        still[:] = 0
+        for i in range(still.size):
+            still[i] = 0
     elif mesh == NONE and opens <= horizon:
         # step over the opening: TOUCH_STEP later the mesh moves inward, if by less than the
         # rounding of its displacement
@@ -342,6 +360,7 @@ def close(c: Constants, s: Floats, closed: Ints, places: Floats) -> Floats:
     Each body keeps its momentum and its centre of mass; one that is locked to the driver moves with
     it.  All other wheels stay as they are.  Shapes: `s` (2 wheels,); `closed`, `places` (wheels,).
     """
+    not_inlined()
     n = c.wheels.size
     bodies = lock(c, closed)
     v = deviations(c)
@@ -359,16 +378,16 @@ def close(c: Constants, s: Floats, closed: Ints, places: Floats) -> Floats:
             place[i] = carried + wheel.sign * places[i]
         r = bodies.root[i]
         if r != DRIVER:
-            share = bodies.carry[i] * wheel.mass / bodies.mass[r]
+            share = bodies.values[CARRY, i] * wheel.mass / bodies.values[MASS, r]
             kept[0, r] += share * (now[0, i] - place[i])
             kept[1, r] += share * now[1, i]
     moved = np.zeros((2, n))
     for i in range(n):
         r = bodies.root[i]
-        alone = r == i and bodies.mass[i] == c.wheels[i].mass
+        alone = r == i and bodies.values[MASS, i] == c.wheels[i].mass
         if not alone:
-            at = bodies.carry[i] * kept[0, r] if r != DRIVER else 0.0
-            speed = bodies.carry[i] * kept[1, r] if r != DRIVER else 0.0
+            at = bodies.values[CARRY, i] * kept[0, r] if r != DRIVER else 0.0
+            speed = bodies.values[CARRY, i] * kept[1, r] if r != DRIVER else 0.0
             moved[0, i] = at + place[i] - now[0, i]
             moved[1, i] = speed - now[1, i]
     out = s.copy()

@@ -9,7 +9,7 @@ from rattle.scene.drive import velocity_acceleration
 from rattle.scene.gears import KG_MM_PER_S2_PER_N
 from rattle.scene.numpy_errors import numpy_defaults
 from rattle.scene.scene import Scene, check_scene
-from rattle.scene.sticking import lock
+from rattle.scene.sticking import BETA, MASS, lock
 from rattle.scene.types import Constants
 
 PULL_POINTS = 32  # points for each order of the drive, among which the largest pull is looked for
@@ -99,7 +99,7 @@ def rattle_threshold(scene: Scene) -> tuple[RattleThreshold, ...]:
     for i in range(wheels.size - 1, -1, -1):
         wheel = wheels[i]
         below = kept[i]
-        needed = wheel.turn * _largest_pull(c, bodies.beta[i]) * bodies.mass[i]
+        needed = wheel.turn * _largest_pull(c, bodies.values[BETA, i]) * bodies.values[MASS, i]
         least[i] = max((needed - below) / wheel.mass, 0.0)
         if wheel.parent >= 0:
             total = wheel.mass * max(wheel.gamma, least[i]) + below

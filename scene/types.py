@@ -70,6 +70,9 @@ WHEEL = np.dtype(
             ("drag", np.float64),
             ("second", np.float64),
             ("first", np.float64),
+            # bounds of |f'' + beta f'| and of its rate, beta of the wheel or of a parent wheel
+            ("modulation", np.float64),
+            ("modulation_rate", np.float64),
         ],
     ),
     align=True,

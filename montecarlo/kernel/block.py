@@ -177,7 +177,8 @@ def sample(plan: Plan, block: int, reuse: bool = False) -> Raw:
     fixed = _array("fixed", (plan.levels, paths, plan.fixed_steps.size, columns - 3), np.nan, reuse)
     controls = _array("controls", beside, 0.0, reuse)
     out = Output(first, rows, plan.fixed_steps, fixed, controls)
-    kernel = block_kernel(SCHEMES[plan.scheme])
+    wheels = plan.scene.stages
+    kernel = block_kernel(SCHEMES[plan.scheme], wheels if wheels <= 2 else 0)
     work, sticking = kernel(job, plan.scene.phase, plan.most_steps, every, room, out)
     unfinished = np.isnan(rows[0, :, -1, 0]).sum()
     return Raw(rows, fixed, controls, int(work), int(sticking), int(unfinished))

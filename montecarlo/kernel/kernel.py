@@ -23,6 +23,7 @@ from rattle.montecarlo.schemes.step_state import (
     Inside,
     Progress,
     Quiet,
+    Scratch,
 )
 from rattle.montecarlo.schemes.sticking import add_closed, close_only
 from rattle.scene import Constants, Floats, Ints
@@ -70,27 +71,35 @@ class Output(NamedTuple):
 
 @splice
 def record(
-    job: Job, level: int, p: int, code: int, tau: float, lanes: Lanes, room: Room, out: Output
+    job: Job,
+    level: int,
+    p: int,
+    code: int,
+    tau: float,
+    lanes: Lanes,
+    room: Room,
+    scratch: Scratch,
+    out: Output,
 ) -> None:
     """Record an impact of the path in lane p, and redraw the flank if impacts do."""
     k = lanes.impacts[p]
     path = room.path[p]
-    state = room.scratch.state
+    states = 2 * scratch.wheels
     # after the sum of a step's pieces its end may be a rounding error late
     tau = max(tau, lanes.last[p])
     if k < out.rows.shape[2]:
         row = out.rows[level, int(path) - out.first, k]
         row[0] = tau
         row[1] = tau - lanes.last[p]
-        for i in range(state.size):
-            row[2 + i] = state[i]
-        row[2 + state.size] = float(code)
+        for i in range(states):
+            row[2 + i] = scratch.state[i]
+        row[2 + states] = float(code)
     lanes.last[p] = tau
     lanes.impacts[p] = k + 1
     if job.backlash.redrawn:
         mesh = abs(code)
         opposite = 2 * mesh - 1 if code > 0 else 2 * mesh - 2
-        draws = Word(max(FLANK_DRAWS, state.size))
+        draws = Word(max(FLANK_DRAWS, states))
         lanes.walls[opposite, p] = half_gap(job.backlash, job.key, path, Word(k) + draws, mesh)
 
 
@@ -99,6 +108,7 @@ def finish_inside(
     advance: Any,
     find_sticking: Any,
     stick_to_end: Any,
+    has_area: bool,
     job: Job,
     step: int,
     level: int,
@@ -107,6 +117,7 @@ def finish_inside(
     phase: Phase,
     lanes: Lanes,
     room: Room,
+    scratch: Scratch,
     out: Output,
     enough: int,
 ) -> bool:
@@ -117,15 +128,16 @@ def finish_inside(
     not followed any further.  Its state is that of ``room.scratch``.
     """
     sticking = False
-    scratch = room.scratch
-    for i in range(scratch.state.size):
-        scratch.whole[i] = lanes.state[i, p]
+    states = 2 * scratch.wheels
+    if has_area:
+        for i in range(states):
+            scratch.whole[i] = lanes.state[i, p]
     known = True
     forced = 0
     for met in range(MOST_IN_A_STEP + 2):
         if at.left <= 0.0 or lanes.impacts[p] >= enough:
             break
-        for i in range(scratch.walls.size):
+        for i in range(states):
             scratch.walls[i] = lanes.walls[i, p]
         closed, above = find_sticking(job.c, at, scratch, job.quiet)
         if met > MOST_IN_A_STEP:
@@ -147,10 +159,10 @@ def finish_inside(
             at = stick_to_end(job.c, at, scratch)
             sticking = True
         elif at.code != 0:
-            record(job, level, p, at.code, at.tau, lanes, room, out)
+            record(job, level, p, at.code, at.tau, lanes, room, scratch, out)
             strike(job.c, abs(at.code), scratch.state)
             at = Progress(0, at.tau, at.left, at.noise)
-    for i in range(scratch.state.size):
+    for i in range(states):
         lanes.state[i, p] = scratch.state[i]
     return sticking
 
@@ -213,6 +225,7 @@ def finish_marked(
     phase: Phase,
     lanes: Lanes,
     room: Room,
+    scratch: Scratch,
     out: Output,
     enough: int,
     live: int,
@@ -228,13 +241,14 @@ def finish_marked(
         p = room.hits[i]
         noise = Noise(lanes.w[p] * math.sqrt(h), lanes.area[p] * math.sqrt(h / 12.0))
         at = Progress(0, now, h, noise)
-        for j in range(room.scratch.state.size):
-            room.scratch.state[j] = s[j, p]
+        for j in range(2 * scratch.wheels):
+            scratch.state[j] = s[j, p]
         met = lanes.impacts[p]
         sticking += finish_inside(
             advance,
             find_sticking,
             stick_to_end,
+            has_area,
             job,
             n - multiple,
             level,
@@ -243,6 +257,7 @@ def finish_marked(
             phase,
             lanes,
             room,
+            scratch,
             out,
             enough,
         )
@@ -262,7 +277,7 @@ def record_states(every: Lanes, room: Room, out: Output, k: int, live: int) -> N
 
 
 @cache
-def block_kernel(scheme: Scheme) -> Callable[..., tuple[int, int]]:
+def block_kernel(scheme: Scheme, wheels: int = 0) -> Callable[..., tuple[int, int]]:
     """Kernel that follows a block of paths by one scheme; code of other schemes is not compiled in.
 
     It follows paths from tau on until they have had their impacts, or so many finest steps, at step
@@ -283,6 +298,20 @@ def block_kernel(scheme: Scheme) -> Callable[..., tuple[int, int]]:
     ) -> tuple[int, int]:
         widest_vectors()
         levels, live, impacts, _ = out.rows.shape
+        buffers = room.scratch
+        scratch = Scratch(
+            wheels if wheels > 0 else buffers.wheels,
+            buffers.state,
+            buffers.whole,
+            buffers.end,
+            buffers.walls,
+            buffers.series,
+            buffers.ahead,
+            buffers.sides,
+            buffers.unfollowed,
+            buffers.forcing,
+            buffers.speeds,
+        )
         times = out.fixed_steps.size
         work = sticking = recorded = linear = n = ZERO
         while n < most_steps and live > 0:
@@ -313,7 +342,7 @@ def block_kernel(scheme: Scheme) -> Callable[..., tuple[int, int]]:
                         h,
                         job.backlash.random,
                         lanes,
-                        room.scratch,
+                        scratch,
                         room.marks,
                         wide,
                     )
@@ -330,6 +359,7 @@ def block_kernel(scheme: Scheme) -> Callable[..., tuple[int, int]]:
                         phase_at(job.c.drive, begin),
                         lanes,
                         room,
+                        scratch,
                         out,
                         enough,
                         live,

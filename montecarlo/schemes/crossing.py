@@ -9,17 +9,14 @@ has no impact.
 """
 
 import math
-from typing import Any
 
 from rattle.montecarlo.schemes.short_flight import Phase
 from rattle.montecarlo.schemes.step_state import parent_deviation
 from rattle.scene import Constants, Floats
-from rattle.scene.compiled import inline, lean, lean_internal
+from rattle.scene.compiled import inline, lean_internal
 from rattle.scene.drive import (
     highest_order,
     most_acceleration,
-    most_modulation,
-    most_modulation_rate,
     most_velocity,
 )
 
@@ -37,7 +34,7 @@ SETTLED_ROOT = 1e-8  # relative change of a root at which its search ends
 CUBIC_PIECES = 8  # of the interval in which the first zero of a cubic that turns is looked for
 
 
-@lean
+@inline
 def margin_of(c: Constants, phase: Phase, h: float, i: int) -> float:
     """Margin on the inner Bernstein coefficients of a gap's cubic, for noise and for the
     interpolation error.
@@ -47,24 +44,24 @@ def margin_of(c: Constants, phase: Phase, h: float, i: int) -> float:
     path that sticks to its wall must not be cut as if it were noisy.
     """
     wheel = c.wheels[i]
-    spread = MARGIN_SDS * abs(c.sigma) * h * math.sqrt(h) * SCALE
     # of the wheel, or of the parent whose noise acts on the gap between both
-    beta = wheel.beta if wheel.parent < 0 else c.wheels[wheel.parent].beta
-    modulation = min(
-        most_modulation(c.drive, beta),
-        abs(beta * phase[1] - phase[0]) + h * most_modulation_rate(c.drive, beta),
-    )
-    force = c.alpha * wheel.turn * most_modulation(c.drive, beta) + abs(wheel.drag)
-    stiff = highest_order(c.drive) + max(beta, wheel.beta)
-    if wheel.parent < 0:
-        spread *= wheel.turn * modulation
-    else:
-        driver = min(most_velocity(c.drive), abs(phase[1]) + h * most_acceleration(c.drive))
-        spread *= abs(wheel.first) * (driver + h * modulation)
+    beta = wheel.beta
+    share = wheel.turn
+    force = c.alpha * wheel.turn * wheel.modulation + abs(wheel.drag)
+    if wheel.parent >= 0:
+        beta = c.wheels[wheel.parent].beta
+        share = abs(wheel.first)
         force += wheel.ratio * c.wheels[wheel.parent].gamma
+    now = abs(beta * phase[1] - phase[0])
+    modulation = min(wheel.modulation, now + h * wheel.modulation_rate)
+    if wheel.parent >= 0:
+        driver = min(most_velocity(c.drive), abs(phase[1]) + h * most_acceleration(c.drive))
+        modulation = driver + h * modulation
+    spread = MARGIN_SDS * abs(c.sigma) * h * math.sqrt(h) * SCALE
+    stiff = highest_order(c.drive) + max(beta, wheel.beta)
     square = h * h
     # Hermite error: h^4 / 384 times the 4th derivative
-    return spread + square * square / 96.0 * force * (stiff * stiff)
+    return spread * share * modulation + square * square / 96.0 * force * (stiff * stiff)
 
 
 @inline
@@ -148,12 +145,6 @@ def _cut_at(
 
 
 @inline
-def _square_modulation(drive: Any, beta: float) -> float:
-    """Bound on the squared modulation of y1."""
-    return 1.0 + beta * beta if len(drive) == 0 else most_modulation(drive, beta) ** 2
-
-
-@inline
 def noise_free_reach(c: Constants, i: int, speed: float, other: float) -> float:
     """Distance from its wall within which a gap is taken to fly on without noise; `other` is the
     deviation of the parent's speed.
@@ -162,11 +153,11 @@ def noise_free_reach(c: Constants, i: int, speed: float, other: float) -> float:
     below 1e-6 of a variance at `NEAR_WALL`.
     """
     wheel = c.wheels[i]
-    beta = wheel.beta if wheel.parent < 0 else c.wheels[wheel.parent].beta
-    most = wheel.turn * wheel.turn * _square_modulation(c.drive, beta)
+    modulation = wheel.turn * wheel.modulation
+    most = modulation * modulation
     force = abs(wheel.drag) + wheel.beta * abs(speed)
     if wheel.parent < 0:
-        force += c.alpha * math.sqrt(most)
+        force += c.alpha * modulation
     else:
         force += abs(wheel.first) * c.alpha * most_velocity(c.drive) + abs(wheel.coupling * other)
     noisy = (STEADY * STEADY) * c.sigma * c.sigma * most

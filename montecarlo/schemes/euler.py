@@ -74,9 +74,8 @@ def _step_gap(
         at = fma(f.h, rate, x[p])
         x[p] = at
         y[p] = fma(f.keep, rate, fma(f.pull, v[p], fma(f.kick, z[p], f.push)))
-        above = high[p] if f.toleranced else f.wall
-        below = low[p] if f.toleranced else f.wall
-        beyond[p] = (at > above) | (-at > below) | (f.seen & beyond[p])
+        out = (at > high[p]) | (-at > low[p]) if f.toleranced else abs(at) > f.wall
+        beyond[p] = out | (f.seen & beyond[p])
 
 
 @lean_internal
@@ -162,7 +161,7 @@ def advance(inside: Inside, met: int, at: Progress, phase: Phase) -> tuple[Progr
     s = inside.scratch.state
     walls = inside.scratch.walls
     code = 0
-    for i in range(inside.c.wheels.size - 1, -1, -1):
+    for i in range(inside.scratch.wheels - 1, -1, -1):
         x = s[2 * i]
         y = s[2 * i + 1]
         above = int((x > walls[2 * i]) & (y > 0.0))

@@ -57,7 +57,7 @@ from rattle.montecarlo.schemes.time_scales import (
     time_scales,
 )
 from rattle.scene import Bools, Constants, Floats, Scene
-from rattle.scene.compiled import inline, internal, lean, lean_internal, splice
+from rattle.scene.compiled import inline, internal, lean, lean_internal, not_inlined, splice
 from rattle.scene.damping import pair
 from rattle.scene.drive import highest_order
 from rattle.scene.sticking import as_bodies, open_meshes, put_open, take_open
@@ -256,6 +256,7 @@ def _land(
 ) -> tuple[Progress, Phase]:
     """The path at the impact that is due, after its flight without noise to the wall: along a
     parabola."""
+    not_inlined()
     second = -phase[0]
     first = phase[1]
     third = -third_of(c.drive, phase)
@@ -408,6 +409,7 @@ def _advance(
 def _advance_beside(inside: Inside, met: int, at: Progress, phase: Phase) -> tuple[Progress, Phase]:
     """`advance_exactly` beside closed meshes; called, for the flight of open meshes must not wait
     for which constants it takes."""
+    not_inlined()
     whole = inside.scratch
     free = open_meshes(whole.sides)
     if free.size == 0:
@@ -416,6 +418,7 @@ def _advance_beside(inside: Inside, met: int, at: Progress, phase: Phase) -> tup
     c = as_bodies(inside.c, whole.sides)
     state = take_open(whole.state, free)
     part = Scratch(
+        free.size,
         state,
         whole.whole,
         np.empty(state.size),

@@ -95,11 +95,12 @@ def lanes_of(
         groups=np.empty(lanes // 8 + 1, np.int64),
         hits=np.empty(lanes + 1, np.int64),
         scratch=Scratch(
+            wheels=wheels,
             state=np.zeros(states),
             whole=np.zeros(states),
             end=np.zeros(states),
             walls=np.zeros(states),
-            series=np.zeros((2 + wheels, MOST_TERMS)),
+            series=np.zeros((3 + wheels, MOST_TERMS)),
             ahead=np.empty((MOST_PARTS, 3)),
             sides=np.zeros(wheels, np.int64),
             unfollowed=np.zeros((2, wheels)),

@@ -110,29 +110,28 @@ def _fly(
     terms, after = _expand_drive(drive, phase, h, abs(h) * (highest_order(drive) + fastest), series)
     odd = 12.0 * c.sigma * area
     even = alpha * h + (c.sigma * increment - 0.5 * odd)
+    nothing = series.shape[0] - 1  # a row of zeros: the driver does not deviate
     for i in range(c.wheels.size):
         wheel = c.wheels[i]
         speed = series[2 + i]
-        carried = series[2 + wheel.parent] if wheel.parent >= 0 else speed
-        coupling = wheel.coupling if wheel.parent >= 0 else 0.0
-        ratio = wheel.ratio if wheel.parent >= 0 else 0.0
+        carried = series[2 + wheel.parent if wheel.parent >= 0 else nothing]
         y = s[2 * i + 1]
         y_end = y
         moved = 0.0
         before = 0.0
         drag = dragged * h * wheel.drag
-        speed[0] = wheel.sign * y + (ratio * carried[0] if ratio != 0.0 else 0.0)
+        speed[0] = wheel.sign * y + wheel.ratio * carried[0]
         for k in range(1, terms + 1):  # from the terms in u^(k - 1) to those in u^k
             share = SHARES[k]
             hk = h * share
             m = wheel.second * series[1, k - 1] + wheel.first * series[0, k - 1]
             moved += hk * y
-            pulled = coupling * carried[k - 1] if coupling != 0.0 else 0.0
-            y = share * (drag + (even * m + odd * before)) + hk * (pulled - wheel.beta * y)
+            forced = share * (drag + (even * m + odd * before))
+            y = forced + hk * (wheel.coupling * carried[k - 1] - wheel.beta * y)
             y_end += y
             before = m
             drag = 0.0
-            speed[k] = wheel.sign * y + (ratio * carried[k] if ratio != 0.0 else 0.0)
+            speed[k] = wheel.sign * y + wheel.ratio * carried[k]
         end[2 * i] = s[2 * i] + moved
         end[2 * i + 1] = y_end
     return after
@@ -197,5 +196,5 @@ def kick(
 def pushed_by(c: Constants, tau: float, h: float, increment: float, area: float) -> Floats:
     """`kick` as a new array."""
     out = np.empty(2 * c.wheels.size)
-    kick(c, tau, h, increment, area, np.empty((2 + c.wheels.size, MOST_TERMS)), out)
+    kick(c, tau, h, increment, area, np.zeros((3 + c.wheels.size, MOST_TERMS)), out)
     return out

@@ -49,13 +49,16 @@ class Quiet(NamedTuple):
 class Scratch(NamedTuple):
     """Buffers for one path within a step, and for what a step has in common for all."""
 
+    # number of wheels: a constant of kernels for one and two, whose loops it unrolls
+    wheels: int
     # state, whole, end: present state; that at the end of the whole step, if no wall is met; and
     # that at the end of a part of it; (2 wheels,)
     state: Floats
     whole: Floats
     end: Floats
     walls: Floats  # distances of the flanks +1, -1, +2, -2, ... from their middle; (2 wheels,)
-    # Taylor series: of f' and f'', and of the deviation of each wheel's speed; (2 + wheels, terms)
+    # Taylor series: of f' and f'', of the deviation of each wheel's speed, and zeros; (3 + wheels,
+    # terms)
     series: Floats
     ahead: Floats  # parts of the step that are still ahead; (MOST_PARTS, 3)
     sides: Ints  # sides on which meshes are closed; 0 for an open mesh; (wheels,)

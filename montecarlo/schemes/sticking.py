@@ -11,7 +11,7 @@ its impacts are slow: the law of that motion is known, see `rattle.montecarlo.sc
 """
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -20,10 +20,11 @@ from rattle.montecarlo.schemes.crossing import MARGIN_SDS
 from rattle.montecarlo.schemes.short_flight import kick
 from rattle.montecarlo.schemes.step_state import Progress, Quiet, Scratch, copy_state
 from rattle.scene import Constants, Floats, Ints
-from rattle.scene.compiled import inline, internal, lean_internal
+from rattle.scene.compiled import inline, internal, lean_internal, not_inlined
 from rattle.scene.drive import most_modulation, most_velocity, velocity_acceleration
 from rattle.scene.flight import flow, wheel_speeds
 from rattle.scene.sticking import (
+    BETA,
     DRIVER,
     as_bodies,
     close,
@@ -39,6 +40,22 @@ from rattle.scene.sticking import (
 # 0.2 to 1.2 for restitutions up to 0.9 and speeds of 4 to 8 units, in 4e5 units of time each
 PREFACTOR = 1.2
 STEADY_PRESS = 0.1  # largest relative change of the press while a motion at a wall dies away
+
+
+@inline
+def put_all(to: Any, value: Any) -> None:
+    """Fill a vector with a value."""
+    for i in range(to.size):
+        to[i] = value
+
+
+@inline
+def is_any(closed: Ints) -> bool:
+    """Whether any mesh is closed."""
+    closed_at_all = False
+    for i in range(closed.size):
+        closed_at_all = closed_at_all or closed[i] != 0
+    return closed_at_all
 
 
 @inline
@@ -98,16 +115,18 @@ class Slow(NamedTuple):
 def _close_slow(c: Constants, at: Progress, scratch: Scratch, quiet: Quiet) -> float:
     """Write the meshes that are closed into the scratch; the bound on the rate of fast impacts that
     are not followed there, or -1 where none is closed."""
+    not_inlined()
     spread = c.sigma
     if c.memory > 0.0:
         alpha = c.alpha + c.sigma * at.noise.increment / at.left
         c = Constants(alpha, c.sigma, c.wheels, c.drive, c.memory)
         spread = 0.0
-    scratch.unfollowed[:] = 0.0
+    put_all(scratch.unfollowed[0], 0.0)
+    put_all(scratch.unfollowed[1], 0.0)
     s = scratch.state
     slow = _find_slow(c, at.tau, scratch, quiet.speed)
     closed = slow.touches
-    if not np.any(closed != 0):
+    if not is_any(closed):
         return -1.0
     if quiet.speed > 0.0:
         closed = _leave_shaken(c, slow.touches, find_sticking(c, at.tau, s, slow.touches))
@@ -120,8 +139,8 @@ def _close_slow(c: Constants, at: Progress, scratch: Scratch, quiet: Quiet) -> f
             still[i] = slow.sides[i]
     closed = find_sticking(c, at.tau, s, still)
     _leave_lifted(c, at, s, closed, spread)
-    scratch.sides[:] = closed
-    return 0.0 if np.any(closed != 0) else -1.0
+    copy_state(scratch.sides, closed)
+    return 0.0 if is_any(closed) else -1.0
 
 
 @internal
@@ -176,13 +195,13 @@ def _leave_lifted(c: Constants, at: Progress, s: Floats, closed: Ints, spread: f
         if closed[i] == 0:
             continue
         wheel = c.wheels[i]
-        noise = wheel.turn * most_modulation(c.drive, bodies.beta[i])
+        noise = wheel.turn * most_modulation(c.drive, bodies.values[BETA, i])
         if bodies.root[i] != DRIVER:
-            apart = abs(bodies.beta[bodies.root[i]] - bodies.beta[i])
+            apart = abs(bodies.values[BETA, bodies.root[i]] - bodies.values[BETA, i])
             noise = wheel.turn * apart * most_velocity(c.drive)
         lifted = lifted or pushes[i] <= lift * noise
     if lifted:
-        closed[:] = 0
+        put_all(closed, 0)
 
 
 class Bounce(NamedTuple):
@@ -268,18 +287,20 @@ def _hold_quiet(
             continue
         above = _bound_fast(c, at, slow, group, moving, spread, scratch, quiet)
         if above < 0.0 and count > 1:
-            group[:] = 0
+            put_all(group, 0)
             group[i] = closed[i]
             above = _bound_fast(c, at, slow, group, moving, spread, scratch, quiet)
         if above >= 0.0:
             total += above
-            held += group
-    if not np.any(held != 0):
+            for j in range(n):
+                held[j] += group[j]
+    if not is_any(held):
         return -1.0
-    scratch.sides[:] = held
+    copy_state(scratch.sides, held)
     for i in range(n):
         if held[i] == 0:
-            scratch.unfollowed[:, i] = 0.0
+            scratch.unfollowed[0, i] = 0.0
+            scratch.unfollowed[1, i] = 0.0
     return total
 
 
@@ -354,6 +375,7 @@ def add_closed(closed: Floats, p: int, scratch: Scratch, time: float, above: flo
 @internal
 def close_meshes(c: Constants, scratch: Scratch) -> None:
     """Put the closed meshes of a path on their walls, in its state."""
+    not_inlined()
     sides = scratch.sides
     places = np.zeros(sides.size)
     for i in range(sides.size):
@@ -382,6 +404,7 @@ def stop_at_wall(
 @internal
 def stick_to_end(c: Constants, at: Progress, scratch: Scratch) -> Progress:
     """The path at the end of its step, with some meshes closed until then."""
+    not_inlined()
     close_meshes(c, scratch)
     free = open_meshes(scratch.sides)
     c = as_bodies(c, scratch.sides)
