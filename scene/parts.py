@@ -109,6 +109,8 @@ class Wheel:
         if self.tolerance >= self.gap:
             why = f"must be below gap = {self.gap}, or a gap could close"
             raise InputError("wheel.tolerance", self.tolerance, why)
+        if not isinstance(self.name, str):
+            raise InputError("wheel.name", self.name, "give a text")
         if self.epsilon is not None:
             object.__setattr__(self, "epsilon", finite("wheel.epsilon", self.epsilon))
             unit_interval("wheel.epsilon", self.epsilon)

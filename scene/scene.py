@@ -2,8 +2,10 @@
 them."""
 
 import math
+from collections.abc import Sequence
 from copy import copy
 from dataclasses import asdict, dataclass, field, fields, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -27,7 +29,7 @@ from rattle.scene.parts import (
     move_to_flanks,
 )
 from rattle.scene.text import as_call, as_html
-from rattle.scene.types import SINE, WHEEL, Constants, Floats, Orders
+from rattle.scene.types import SINE, WHEEL, Constants, Floats, Orders, Wheels
 from rattle.scene.wheel import complete_wheels
 
 Times = TypeVar("Times", float, Floats)
@@ -41,10 +43,24 @@ LARGEST_VALUES = {
     "gamma2": 1e6,
     "sigma": 1e6,
 }
+CACHED = ("tree", "_compiled_wheels")
+"""What a scene computes once and keeps."""
+UNRELATED = {"sigma", "start"}
+"""Fields whose change leaves that as it is."""
 FAR_ORDERS = 8
 """Gap between orders above which the sine of the next one is not computed from that of the last."""
-SHORT = ("beta1", "gamma1", "beta2", "gamma2", "mu")
-"""Fields of one or two wheels in a row, which a scene of `Wheel` has no use for."""
+SHORT = {
+    "beta1": 0.0,
+    "gamma1": 0.0,
+    "beta2": 0.0,
+    "gamma2": 0.0,
+    "mu": 0.0,
+    "gap1": 0.5,
+    "gap2": 0.5,
+}
+"""Fields of one or two wheels in a row, and what they are in a scene of `Wheel`, which has no use
+for them."""
+PLAIN_WHEEL = Wheel(beta=0.0, gamma=0.0)
 FREE = ("sigma", "tolerance", "start", "stages", "drive", "correlation_time")
 """Fields of a scene that gears do not fix."""
 SWEPT = ("alpha", "epsilon", "beta1", "beta2", "gamma1", "gamma2", "mu", "gap1", "gap2", "sigma")
@@ -139,6 +155,8 @@ class Scene:
     gears: Gears | None = field(default=None, compare=False, repr=False)
 
     def __post_init__(self) -> None:
+        if not isinstance(self.wheels, Sequence):
+            raise InputError("wheels", self.wheels, "give a sequence of Wheel")
         if len(self.wheels):
             self._take_wheels()
         else:
@@ -182,7 +200,7 @@ class Scene:
         defaults: dict[str, Any] = {f.name: f.default for f in fields(self)}
         defaults["start"] = self._default_start
         if self.wheels:
-            defaults |= {"stages": self.stages} | dict.fromkeys(SHORT, 0.0)
+            defaults |= {"stages": self.stages} | SHORT
         shown = {
             name: value for name, value in shown.items() if repr(value) != repr(defaults[name])
         }
@@ -237,10 +255,10 @@ class Scene:
     def _take_wheels(self) -> None:
         """Check the wheels of a gearbox; one or two in a row become the short form."""
         given = tuple(self.wheels)
-        for name in SHORT:
-            if getattr(self, name) not in (None, 0.0):
+        for name, unused in SHORT.items():
+            if getattr(self, name) not in (None, unused):
                 raise InputError(name, getattr(self, name), "give it, or wheels; not both")
-            object.__setattr__(self, name, 0.0)
+            object.__setattr__(self, name, unused)
         if len(given) > MOST_WHEELS:
             raise InputError("wheels", len(given), f"at most {MOST_WHEELS} wheels")
         names: list[str] = []
@@ -277,11 +295,13 @@ class Scene:
         if len(wheels) == 2:
             values["mu"] = wheels[1].mass / (1.0 + wheels[1].mass)
         if self.tolerance is not None and any(wheel.tolerance for wheel in wheels):
-            widths = {f"c{i}_max": wheel.tolerance for i, wheel in enumerate(wheels, 1)}
+            widths: dict[str, Any] = {
+                f"c{i}_max": wheel.tolerance for i, wheel in enumerate(wheels, 1)
+            }
             values["tolerance"] = replace(self.tolerance, **widths)
         return values
 
-    @property
+    @cached_property
     def tree(self) -> tuple[Wheel, ...]:
         """The loose wheels, each with its number of the parent, its restitution and its tolerance.
 
@@ -292,26 +312,29 @@ class Scene:
         [0, 1]
         """
         if self.wheels:
-            given = self.wheels
-            return tuple(w if w.epsilon is not None else replace(w, epsilon=self.epsilon) for w in given)
-        t = self.tolerance
-        first = Wheel(
+            return tuple(
+                wheel if wheel.epsilon is not None else _copy_with(wheel, epsilon=self.epsilon)
+                for wheel in self.wheels
+            )
+        tolerance = self.tolerance or Tolerance()
+        first = _copy_with(
+            PLAIN_WHEEL,
             beta=self.beta1,
             gamma=self.gamma1,
             gap=self.gap1,
             epsilon=self.epsilon,
-            tolerance=t.c1_max if t is not None else 0.0,
+            tolerance=tolerance.c1_max,
         )
         if self.stages == 1:
             return (first,)
-        second = Wheel(
+        second = _copy_with(
+            first,
             beta=self.beta2,
             gamma=self.gamma2,
             gap=self.gap2,
             mass=self.mu / (1.0 - self.mu),
             parent=1,
-            epsilon=self.epsilon,
-            tolerance=t.c2_max if t is not None else 0.0,
+            tolerance=tolerance.c2_max,
         )
         return first, second
 
@@ -490,7 +513,9 @@ class Scene:
         state: dict[str, Any] = {n: factor * getattr(s, n) for n in ("x1", "y1", "x2", "y2")}
         state["state"] = tuple(factor * value for value in s.state)
         wheels = tuple(
-            _copy_with(w, gamma=factor * w.gamma, gap=factor * w.gap, tolerance=factor * w.tolerance)
+            _copy_with(
+                w, gamma=factor * w.gamma, gap=factor * w.gap, tolerance=factor * w.tolerance
+            )
             for w in self.wheels
         )
         lengths = {
@@ -567,33 +592,37 @@ class Scene:
     @property
     def noise_free(self) -> "Scene":
         """The same scene without noise and without random tolerance: the deterministic system."""
-        tolerance = (
-            self.tolerance
-            if self.tolerance is not None and self.tolerance.distribution == "fixed"
-            else None
-        )
-        return _copy_with(self, sigma=0.0, tolerance=tolerance)
+        changes: dict[str, Any] = {"sigma": 0.0}
+        if self.tolerance is not None and self.tolerance.distribution != "fixed":
+            changes["tolerance"] = None
+            changes["wheels"] = tuple(_copy_with(wheel, tolerance=0.0) for wheel in self.wheels)
+        return _copy_with(self, **changes)
 
     @property
     def constants(self) -> Constants:
         """The numbers of the scene for compiled code; a fixed tolerance is part of the walls."""
+        return Constants(
+            self.alpha, self.sigma, self._compiled_wheels, self._orders, self.correlation_time
+        )
+
+    @cached_property
+    def _compiled_wheels(self) -> Wheels:
+        """The wheels for compiled code, which only reads them."""
         fixed = self.tolerance is not None and self.tolerance.distribution == "fixed"
         tree = self.tree
-        wheels = np.empty(len(tree), WHEEL)
-        for i, wheel in enumerate(tree):
-            parent = int(wheel.parent) - 1
-            at = wheels[i]
-            at.parent = parent
-            at.sign = 1.0 if parent < 0 else -1.0
-            at.ratio = wheel.ratio
-            at.turn = wheel.ratio * (wheels[parent].turn if parent >= 0 else 1.0)
-            at.beta = wheel.beta
-            at.gamma = wheel.gamma
-            at.wall = wheel.gap + wheel.tolerance if fixed else wheel.gap
-            at.epsilon = wheel.epsilon
-            at.mass = wheel.mass
+        wheels = np.zeros(len(tree), WHEEL)
+        for name in ("ratio", "beta", "gamma", "epsilon", "mass"):
+            wheels[name] = [getattr(wheel, name) for wheel in tree]
+        wheels["wall"] = [wheel.gap + fixed * wheel.tolerance for wheel in tree]
+        parents = [int(wheel.parent) - 1 for wheel in tree]
+        wheels["parent"] = parents
+        wheels["sign"] = [1.0 if parent < 0 else -1.0 for parent in parents]
+        turns: list[float] = []
+        for wheel, parent in zip(tree, parents, strict=True):
+            turns.append(wheel.ratio * (turns[parent] if parent >= 0 else 1.0))
+        wheels["turn"] = turns
         complete_wheels(wheels)
-        return Constants(self.alpha, self.sigma, wheels, self._orders, self.correlation_time)
+        return wheels
 
     @property
     def _orders(self) -> Orders | tuple[()]:
@@ -650,9 +679,10 @@ class Scene:
         for name in ("tolerance", "start"):
             values[name] = values[name] and asdict(values[name])
         if self.wheels:
-            values = {k: v for k, v in values.items() if k not in (*SHORT, "stages", "gap1", "gap2")}
+            values = {k: v for k, v in values.items() if k not in (*SHORT, "stages")}
             values["wheels"] = [_as_table(wheel) for wheel in self.wheels]
-            values["start"] = {k: v for k, v in values["start"].items() if k in ("tau", "mesh", "state")}
+            start = values["start"]
+            values["start"] = {name: start[name] for name in ("tau", "mesh", "state")}
         else:
             del values["wheels"]
             del values["start"]["state"]
@@ -850,6 +880,9 @@ def _read_wheel(data: object) -> Wheel:
 def _copy_with(part: Part, **changes: Any) -> Part:
     """A copy with changes that need no validation."""
     changed = copy(part)
+    if not changes.keys() <= UNRELATED:
+        for name in CACHED:
+            changed.__dict__.pop(name, None)
     changed.__dict__.update(changes)
     return changed
 
