@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from oracle import two_stages
+from oracle import gearbox
 from scenes import ORDERS, THREE
 
 import rattle.scene
@@ -25,7 +25,7 @@ SPARSE = (
 @pytest.mark.parametrize("t", [1e-3, 0.05, 0.7, 9.0])
 def test_a_noise_free_flight_is_that_of_an_ode_solver(orders, t):
     scene = replace(THREE, gap1=1e3, gap2=1e3, start=Start(0.4, *STATE), drive=orders)
-    exact = two_stages(scene.constants, orders).fly(0.4, STATE, t)
+    exact = gearbox(scene.constants, orders).fly(0.4, STATE, t)
     assert follow(scene, 1).state(0.4 + t) == pytest.approx(exact, rel=1e-12, abs=1e-12)
     shifted = (Order(orders[0].order, orders[0].amplitude, orders[0].phase + 1e-3), *orders[1:])
     wrong = follow(replace(scene, drive=shifted), 1).state(0.4 + t)  # negative control
@@ -35,7 +35,7 @@ def test_a_noise_free_flight_is_that_of_an_ode_solver(orders, t):
 @pytest.mark.parametrize("t", [0.02, 0.4])
 def test_the_noise_of_a_flight_has_the_covariance_of_the_linear_system(t):
     start = THREE.start.tau
-    exact = two_stages(THREE.constants, ORDERS).covariance(start, np.zeros((4, 4)), t)
+    exact = gearbox(THREE.constants, ORDERS).covariance(start, np.zeros((4, 4)), t)
     row = mean_map(THREE, impacts=1, closure="corrected").at_times([start + t]).iloc[0]
     for i, one in enumerate(STATE_NAMES):
         for j, other in enumerate(STATE_NAMES[i:], i):
