@@ -306,9 +306,9 @@ class Gears:
         typed = {
             "amplitude": amplitude,
             "amplitude_rad": amplitude_rad,
-            "driver_radius": driver_radius,
             "speed_rpm": speed_rpm,
             "speed_rad_s": speed_rad_s,
+            "driver_radius": driver_radius,
         }
         typed = {name: value for name, value in typed.items() if value is not None}
         tables = dict(zip(DRAG_TABLES, (torque1_over_rpm, torque2_over_rpm), strict=True))
@@ -369,7 +369,7 @@ class Gears:
                 torques = _mean_drag(wheels, names, typed, radius)
                 of_wheels = {DRAG_TABLES[n]: v for n, v in zip(names, torques, strict=True)}
                 gears = cls(**values | of_wheels)
-        object.__setattr__(gears, "_typed", typed | read)
+        object.__setattr__(gears, "_typed", read | typed)
         return gears
 
     def sigma_from(
