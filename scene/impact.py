@@ -211,7 +211,6 @@ def next_impact(
     force = c.alpha * most_acceleration(c.drive)
     jolt = c.alpha * most_jerk(c.drive)
     sides = np.zeros(n, np.int64)
-    accelerations = np.empty(n)
     # what has been added to the displacements, and the rates
     moved = s.copy()
     for i in range(n):

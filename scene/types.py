@@ -13,7 +13,6 @@ Wheels = Any
 """An array of `WHEEL`, whose records have their fields as attributes."""
 
 
-
 def state_names(wheels: int) -> tuple[str, ...]:
     """``x1, y1, x2, y2, ...``: displacement in each gap and its rate."""
     return tuple(f"{letter}{i}" for i in range(1, wheels + 1) for letter in "xy")
@@ -55,6 +54,7 @@ WHEEL = np.dtype(
         np.record,
         [
             ("parent", np.int64),  # index of the wheel that it meshes with; -1 for the driver
+            ("drives", np.int64),  # whether another wheel meshes with it
             ("sign", np.float64),  # of its own deviation in its gap: 1 or -1
             ("ratio", np.float64),  # k: radius of the parent there over the parent's own
             ("turn", np.float64),  # kappa: product of the ratios from the driver on
