@@ -16,17 +16,19 @@ from rattle.scene import errors, gears_input
 from rattle.scene.errors import InputError, suggesting
 from rattle.scene.files import in_file, read_text, read_toml
 from rattle.scene.gears import DAT21, Gears, change_gears
+from rattle.scene.loose_wheel import as_table
 from rattle.scene.parts import (
     GAPS,
     LEAST_SIZE,
     MEMORY_RANGE,
-    MOST_WHEELS,
     SINE_ALONE,
     Order,
     Start,
     Tolerance,
     Wheel,
+    find_parents,
     move_to_flanks,
+    wheel_labels,
 )
 from rattle.scene.text import as_call, as_html
 from rattle.scene.types import SINE, WHEEL, Constants, Floats, Orders, Wheels
@@ -61,6 +63,8 @@ SHORT = {
 """Fields of one or two wheels in a row, and what they are in a scene of `Wheel`, which has no use
 for them."""
 PLAIN_WHEEL = Wheel(beta=0.0, gamma=0.0)
+TABLES = ("gears", "wheel", "scene", "drive")
+"""Tables of a scene file."""
 FREE = ("sigma", "tolerance", "start", "stages", "drive", "correlation_time")
 """Fields of a scene that gears do not fix."""
 SWEPT = ("alpha", "epsilon", "beta1", "beta2", "gamma1", "gamma2", "mu", "gap1", "gap2", "sigma")
@@ -157,6 +161,8 @@ class Scene:
     def __post_init__(self) -> None:
         if not isinstance(self.wheels, Sequence):
             raise InputError("wheels", self.wheels, "give a sequence of Wheel")
+        if self.gears is not None:
+            self._check_gears()
         if len(self.wheels):
             self._take_wheels()
         else:
@@ -188,10 +194,16 @@ class Scene:
         if self.start is None:
             object.__setattr__(self, "start", self._default_start)
         self._check_start()
-        if self.gears is not None and any(
-            getattr(self, n) != v for n, v in _parameters_of(self.gears).items()
-        ):
-            object.__setattr__(self, "gears", None)
+
+    def _check_gears(self) -> None:
+        """Keep the gears only as long as all that they fix is theirs."""
+        if not isinstance(self.gears, Gears):
+            raise InputError("gears", self.gears, "give Gears")
+        for name, value in self.gears.parameters.items():
+            given = getattr(self, name)
+            if not (np.isscalar(given) or isinstance(given, tuple)) or given != value:
+                object.__setattr__(self, "gears", None)
+                return
 
     def __repr__(self) -> str:
         """Python text that makes the scene, to the last bit, on a few lines; defaults are left
@@ -259,20 +271,14 @@ class Scene:
             if getattr(self, name) not in (None, unused):
                 raise InputError(name, getattr(self, name), "give it, or wheels; not both")
             object.__setattr__(self, name, unused)
-        if len(given) > MOST_WHEELS:
-            raise InputError("wheels", len(given), f"at most {MOST_WHEELS} wheels")
-        names: list[str] = []
-        parents: list[int] = []
-        for number, wheel in enumerate(given, 1):
+        for wheel in given:
             if not isinstance(wheel, Wheel):
                 raise InputError("wheels", wheel, "give a sequence of Wheel")
-            if wheel.name and wheel.name in names:
-                raise InputError("wheel.name", wheel.name, "two wheels have this name; rename one")
-            parents.append(_parent_of(wheel, number, given))
-            names.append(wheel.name)
+        parents = find_parents(given, "parent")
+        for label, wheel in zip(wheel_labels(given), given, strict=True):
             if wheel.epsilon is None and self.epsilon is None:
-                why = f"give wheel {number} one, or the scene"
-                raise InputError("wheel.epsilon", None, why)
+                why = "give it one, or the scene"
+                raise InputError(f"wheel.{label}.epsilon", None, why)
         given = tuple(replace(w, parent=p) for w, p in zip(given, parents, strict=True))
         first = given[0].mass
         if first != 1.0:
@@ -282,7 +288,7 @@ class Scene:
         if self.epsilon is None:
             object.__setattr__(self, "epsilon", given[0].epsilon)
         values = {"wheels": given, "stages": len(given)}
-        if _are_in_a_row(given, self.epsilon):
+        if self.gears is None and _are_in_a_row(given, self.epsilon):
             values |= self._short_form(given)
         for name, value in values.items():
             object.__setattr__(self, name, value)
@@ -337,6 +343,23 @@ class Scene:
             tolerance=tolerance.c2_max,
         )
         return first, second
+
+    @property
+    def wheel_names(self) -> tuple[str, ...]:
+        """What a person calls each loose wheel: its name, or its number.
+
+        Examples
+        --------
+        >>> pair = [Wheel(beta=0.1, gamma=0.3, name="shaft"), Wheel(beta=0.1, gamma=0.2, parent=1)]
+        >>> Scene(alpha=2.0, epsilon=0.8, wheels=pair).wheel_names
+        ('shaft', '2')
+        """
+        return wheel_labels(self.tree)
+
+    @property
+    def half_gaps(self) -> tuple[float, ...]:
+        """The half gaps of all wheels, and of a single stage that of the unused mesh 2 too."""
+        return tuple(wheel.gap for wheel in self.wheels) or (self.gap1, self.gap2)
 
     @property
     def _default_start(self) -> Start:
@@ -410,13 +433,15 @@ class Scene:
         1
         """
         errors.check_keys("Scene.from_gears", settings, FREE)
-        fixed = _parameters_of(gears)
-        if gears.wheels == 1 and settings.get("stages", 2) == 2:
+        if not isinstance(gears, Gears):
+            raise InputError("gears", gears, "give Gears")
+        is_single = len(gears.tree) == 1 and not gears.wheels
+        if is_single and settings.get("stages", 2) == 2:
             raise InputError(
                 "stages", 2, "these gears have no wheel 2: give stages = 1, or inertia2 and radius2"
             )
         try:
-            return cls(gears=gears, **fixed, **settings)
+            return cls(gears=gears, **gears.parameters, **settings)
         except InputError as error:
             raise gears_input.of_gears(gears, error) from None
 
@@ -451,7 +476,8 @@ class Scene:
         ----------
         **changes : float
             Values by name, in the unit of `Gears` and `Gears.driven`: those that the gears were
-            given by, ``amplitude`` (mm) or ``alpha``.
+            given by, ``amplitude`` (mm) or ``alpha``.  Those of wheel 3 are ``torque3`` or, as in
+            ``**{"wheel.third.torque": 50.0}``, by its name.
 
         Returns
         -------
@@ -476,12 +502,12 @@ class Scene:
         gears = change_gears(self.gears, changes)
         settings = {name: getattr(self, name) for name in FREE}
         if self.tolerance is not None:
-            unit = self.gears.backlash1 / gears.backlash1  # old unit of length over the new one
+            # old unit of length over the new one
+            unit = self.gears.units.length / gears.units.length
             widths = {name: unit * getattr(self.tolerance, name) for name in ("c1_max", "c2_max")}
             settings["tolerance"] = replace(self.tolerance, **widths)
-        if gears.wheels == 2:
-            gaps = (self.gap1, gears.gap2)
-            settings["start"] = move_to_flanks(self.start, (self.gap1, self.gap2), gaps)
+        gaps = [gears.gap(number) for number in range(1, len(gears.tree) + 1)]
+        settings["start"] = move_to_flanks(self.start, self.half_gaps[: len(gaps)], gaps)
         return Scene.from_gears(gears, **settings)
 
     def scaled(self, factor: float) -> "Scene":
@@ -670,30 +696,38 @@ class Scene:
         Returns
         -------
         dict
-            With a table ``scene``, ``gears`` in the gear form, and ``drive`` where it is not the
-            sine alone.
+            With a table ``scene``, ``gears`` in the gear form and the list ``wheel`` where it has
+            any number of wheels, and ``drive`` where it is not the sine alone.
         """
         values = {
             f.name: getattr(self, f.name) for f in fields(self) if f.name not in ("gears", "drive")
         }
         for name in ("tolerance", "start"):
             values[name] = values[name] and asdict(values[name])
+        start = values["start"]
+        del start["state"]
+        if self.start.state:
+            values["start"] = {
+                "tau": start["tau"],
+                "mesh": start["mesh"],
+                "state": self.start.state,
+            }
         if self.wheels:
             values = {k: v for k, v in values.items() if k not in (*SHORT, "stages")}
             values["wheels"] = [_as_table(wheel) for wheel in self.wheels]
-            start = values["start"]
-            values["start"] = {name: start[name] for name in ("tau", "mesh", "state")}
         else:
             del values["wheels"]
-            del values["start"]["state"]
         for name in ("tolerance", "correlation_time"):
             if not values[name]:
                 del values[name]
         drive = {} if self.drive == SINE_ALONE else {"drive": [asdict(one) for one in self.drive]}
         if self.gears is None:
             return drive | {"scene": values}
+        gears = self.gears.values
+        wheels = [as_table(wheel) for wheel in gears.pop("wheels", ())]
         return (
-            {"gears": self.gears.values}
+            {"gears": gears}
+            | ({"wheel": wheels} if wheels else {})
             | drive
             | {"scene": {k: v for k, v in values.items() if k in FREE}}
         )
@@ -705,8 +739,8 @@ class Scene:
         Parameters
         ----------
         data : dict
-            Tables ``scene`` and, in the gear form, ``gears``, and the list ``drive``;
-            ``rattle.scene.gears_input`` says what these may hold.
+            Tables ``scene`` and, in the gear form, ``gears``, and the lists ``wheel`` and
+            ``drive``; ``rattle.scene.gears_input`` says what these may hold.
 
         Returns
         -------
@@ -718,7 +752,7 @@ class Scene:
         InputError
             For unknown or missing keys and values that are not admissible.
         """
-        errors.check_keys("top level", _table("scene", data), ("gears", "scene", "drive"))
+        errors.check_keys("top level", _table("scene", data), TABLES)
         data = gears_input.take_measured(data)
         settings = _table("scene", data.get("scene", {}))
         if "drive" in settings:
@@ -735,10 +769,13 @@ class Scene:
         if "wheels" in settings:
             settings["wheels"] = [_read_wheel(table) for table in settings["wheels"]]
         if "gears" in data:
-            gears = gears_input.own_amplitude(_table("gears", data["gears"]), data.get("drive"))
+            table = gears_input.own_amplitude(_table("gears", data["gears"]), data.get("drive"))
             errors.check_keys("scene", settings, FREE)
-            pair = gears_input.read_gears(gears, settings.get("stages", 2))
-            drawn = gears_input.read_tolerance(gears, pair)
+            gears = gears_input.read_gears(table, settings.get("stages", 2), data.get("wheel"))
+            if gears.wheels and "stages" in settings:
+                why = "leave it out: there are as many as tables [[wheel]]"
+                raise InputError("scene.stages", settings["stages"], why)
+            drawn = gears_input.read_tolerance(table, gears)
             if drawn is not None:
                 if "tolerance" in settings:
                     raise InputError(
@@ -748,10 +785,12 @@ class Scene:
                     )
                 settings["tolerance"] = Tolerance(**drawn)
             if "drive" in data:
-                settings["drive"] = gears_input.read_drive(
-                    data["drive"], pair, gears.get("driver_radius")
-                )
-            return cls.from_gears(pair, **settings)
+                radius = table.get("driver_radius")
+                settings["drive"] = gears_input.read_drive(data["drive"], gears, radius)
+            return cls.from_gears(gears, **settings)
+        if "wheel" in data:
+            why = "needs [gears]; wheels of a scene without gears are tables [[scene.wheels]]"
+            raise InputError("wheel", data["wheel"], why)
         errors.check_keys("scene", settings, (f.name for f in fields(cls) if f.name != "gears"))
         needed = ("alpha",) if "wheels" in settings else ("alpha", "epsilon", "beta1", "gamma1")
         if missing := [name for name in needed if name not in settings]:
@@ -778,7 +817,8 @@ class Scene:
         ----------
         text : str
             With a ``[scene]`` table; or ``[gears]``, and ``[scene]`` with the fields that gears do
-            not fix.  Each order of the drive is a table ``[[drive]]``.
+            not fix.  Each of more than two loose wheels is a table ``[[wheel]]``, and each order of
+            the drive a table ``[[drive]]``.
 
         Returns
         -------
@@ -822,38 +862,6 @@ class Scene:
             if scene.gears is not None:
                 gears_input.check_plausible(scene.gears, data["gears"])
         return scene
-
-
-def _parameters_of(gears: Gears) -> dict[str, Any]:
-    """The parameters of the model that gears fix (docs/model.md section 1)."""
-    if not isinstance(gears, Gears):
-        raise InputError("gears", gears, "give Gears")
-    found: dict[str, Any] = {"alpha": gears.alpha, "epsilon": gears.epsilon, "gap1": 0.5}
-    for wheel in range(1, gears.wheels + 1):
-        found |= {f"beta{wheel}": gears.beta(wheel), f"gamma{wheel}": gears.gamma(wheel)}
-    return found if gears.wheels == 1 else found | {"mu": gears.mu, "gap2": gears.gap2}
-
-
-def _parent_of(wheel: Wheel, number: int, wheels: tuple[Wheel, ...]) -> int:
-    """The number of the parent of wheel `number`, which stands before it."""
-    parent = wheel.parent
-    if isinstance(parent, str):
-        known = {other.name: i for i, other in enumerate(wheels, 1) if isinstance(other, Wheel)}
-        if parent not in known or not parent:
-            names = ", ".join(name for name in known if name) or "none has a name"
-            raise InputError("wheel.parent", parent, f"no wheel has this name ({names})")
-        parent = known[parent]
-    parent = errors.count("wheel.parent", parent, least=0)
-    if parent > len(wheels):
-        why = f"there are {len(wheels)} wheels; 0 is the driver"
-        raise InputError("wheel.parent", parent, why)
-    if parent >= number:
-        why = (
-            f"wheel {number} must stand after the wheel that it meshes with, and no wheel may mesh"
-            " with itself in a circle"
-        )
-        raise InputError("wheel.parent", parent, why)
-    return parent
 
 
 def _are_in_a_row(wheels: tuple[Wheel, ...], epsilon: float) -> bool:

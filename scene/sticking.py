@@ -364,11 +364,11 @@ def next_contact(
 
 
 @internal
-def close(c: Constants, s: Floats, closed: Ints) -> Floats:
-    """The state with sticking meshes put on their walls at zero speed.
+def close(c: Constants, s: Floats, closed: Ints, places: Floats) -> Floats:
+    """The state with sticking meshes put on their walls, at `places`, at zero speed.
 
     Each body keeps its momentum and its centre of mass; one that is locked to the driver moves with
-    it.  All other wheels stay as they are.
+    it.  All other wheels stay as they are.  Shapes: `s` (2 wheels,); `closed`, `places` (wheels,).
     """
     n = c.wheels.size
     bodies = lock(c, closed)
@@ -384,7 +384,7 @@ def close(c: Constants, s: Floats, closed: Ints) -> Floats:
             now[1, i] += v[i, j] * s[2 * j + 1]
         if closed[i] != 0:
             carried = wheel.ratio * place[wheel.parent] if wheel.parent >= 0 else 0.0
-            place[i] = carried + wheel.sign * (closed[i] * wheel.wall)
+            place[i] = carried + wheel.sign * places[i]
         r = bodies.root[i]
         if r != DRIVER:
             share = bodies.carry[i] * wheel.mass / bodies.mass[r]
@@ -406,7 +406,7 @@ def close(c: Constants, s: Floats, closed: Ints) -> Floats:
             carried = wheel.ratio * moved[part, wheel.parent] if wheel.parent >= 0 else 0.0
             out[2 * i + part] += carried + wheel.sign * moved[part, i]
         if closed[i] != 0:
-            out[2 * i] = closed[i] * wheel.wall
+            out[2 * i] = places[i]
             out[2 * i + 1] = 0.0
     return out
 

@@ -60,6 +60,7 @@ WHEEL = np.dtype(
         WheelRecord,
         [
             ("parent", np.int64),  # index of the wheel that it meshes with; -1 for the driver
+            ("drives", np.int64),  # whether another wheel meshes with it
             ("sign", np.float64),  # of its own deviation in its gap: 1 or -1
             ("ratio", np.float64),  # k: radius of the parent there over the parent's own
             ("turn", np.float64),  # kappa: product of the ratios from the driver on

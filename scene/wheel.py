@@ -13,23 +13,21 @@ def complete_wheels(wheels: Wheels) -> None:
 
     Shapes: `wheels` (wheels,), of `rattle.scene.types.WHEEL`.
     """
-    sign = wheels["sign"]
-    ratio = wheels["ratio"]
-    turn = wheels["turn"]
-    beta = wheels["beta"]
-    gamma = wheels["gamma"]
-    mass = wheels["mass"]
-    for i, p in enumerate(wheels["parent"]):
-        if p < 0:
-            wheels["share"][i] = 0.0
-            wheels["coupling"][i] = 0.0
-            wheels["drag"][i] = sign[i] * gamma[i]
-            wheels["second"][i] = sign[i] * turn[i]
-            wheels["first"][i] = sign[i] * turn[i] * beta[i]
+    for i in range(wheels.size):
+        wheel = wheels[i]
+        wheel.drives = 0
+        if wheel.parent < 0:
+            wheel.share = 0.0
+            wheel.coupling = 0.0
+            wheel.drag = wheel.sign * wheel.gamma
+            wheel.second = wheel.sign * wheel.turn
+            wheel.first = wheel.sign * wheel.turn * wheel.beta
         else:
-            carried = ratio[i] * ratio[i] * mass[i]
-            wheels["share"][i] = carried / (carried + mass[p])
-            wheels["coupling"][i] = ratio[i] * (beta[i] - beta[p])
-            wheels["drag"][i] = ratio[i] * gamma[p] - gamma[i]
-            wheels["second"][i] = 0.0
-            wheels["first"][i] = turn[i] * (beta[p] - beta[i])
+            parent = wheels[wheel.parent]
+            parent.drives = 1
+            carried = wheel.ratio * wheel.ratio * wheel.mass
+            wheel.share = carried / (carried + parent.mass)
+            wheel.coupling = wheel.ratio * (wheel.beta - parent.beta)
+            wheel.drag = wheel.ratio * parent.gamma - wheel.gamma
+            wheel.second = 0.0
+            wheel.first = wheel.turn * (parent.beta - wheel.beta)
