@@ -416,8 +416,8 @@ def may_chatter(c: Constants, tau: float, s: Floats, mesh: int) -> bool:
     """Whether a mesh is left so slowly that `complete_chatter` may sum up its impacts: the speed
     that is bounded there."""
     most = _most_acceleration(c, tau, s)
-    epsilon = c.wheels[mesh - 1].epsilon
-    return (1.0 - epsilon) * CHATTER_LIMIT * most >= abs(s[2 * mesh - 1])
+    epsilon: float = c.wheels[mesh - 1].epsilon
+    return (1.0 - epsilon) * CHATTER_LIMIT * most >= abs(float(s[2 * mesh - 1]))
 
 
 @internal

@@ -50,7 +50,7 @@ SINE: tuple[()] = ()
 sum."""
 
 
-class WheelRecord(np.void):
+class WheelRecord(np.void):  # type: ignore[misc]  # numpy calls a base of it final
     """A record whose fields are attributes in Python too; those of numpy's own are twenty times as
     slow."""
 
