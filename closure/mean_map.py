@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 from rattle.closure import branching, corrected, published, saltation
 from rattle.closure.branching import RESOLUTIONS
 from rattle.closure.closure import Closure, OwnError, describe_error, import_closure, name_of
-from rattle.closure.moments import COMPONENT_MICROSECONDS, Trace, check_white
+from rattle.closure.moments import COMPONENT_MICROSECONDS, Trace
 from rattle.closure.result import MeanMap
 from rattle.scene import InputError, Scene, check_scene, choice, count, positive
 from rattle.scene.numpy_errors import numpy_defaults
@@ -74,7 +74,7 @@ _TABLE = (
     BuiltIn(
         "corrected",
         corrected.trace,
-        applies=check_white,
+        applies=corrected.check,
         color="#0072B2",
         marker="o",
         impact_microseconds=50.0,
@@ -90,7 +90,7 @@ _TABLE = (
     BuiltIn(
         "branching",
         branching.trace,
-        applies=check_white,
+        applies=branching.check,
         color="#E69F00",
         marker="v",
         describes="all paths",

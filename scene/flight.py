@@ -321,7 +321,7 @@ def _over_orders(
     return out + _over_panels(c, v, apart, tau, rest, panel)
 
 
-@jit
+@internal
 def _covariance(
     drive: Any, c: Constants, v: Floats, apart: Floats, tau: float, t: float
 ) -> Floats:
@@ -366,7 +366,7 @@ def _stand_apart(c: Constants, t: float) -> Floats:
     return apart
 
 
-@internal
+@jit
 def noise_covariance(c: Constants, tau: float, t: float) -> Floats:
     """Covariance of the state that the noise adds in a flight of time `t` from `tau`.
 

@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from rattle.scene.compiled import internal, jit, lean
+from rattle.scene.compiled import internal, jit, lean, lean_internal
 from rattle.scene.types import Floats
 
 
@@ -114,7 +114,7 @@ def apply(matrix: Floats, v: Floats) -> Floats:
     return out
 
 
-@lean
+@lean_internal
 def add_product(a: Floats, b: Floats, out: Floats) -> None:
     """Add ``A B`` to a matrix.
 
@@ -124,6 +124,16 @@ def add_product(a: Floats, b: Floats, out: Floats) -> None:
         for k in range(a.shape[1]):
             for j in range(b.shape[1]):
                 out[i, j] += a[i, k] * b[k, j]
+
+
+@lean
+def add_products(a: Floats, b: Floats, out: Floats) -> None:
+    """Add ``A B`` to each matrix of a stack.
+
+    Shapes: `a`, `b` (stack, m, k) and (stack, k, n); `out` (stack, m, n).
+    """
+    for s in range(a.shape[0]):
+        add_product(a[s], b[s], out[s])
 
 
 @internal
@@ -263,12 +273,18 @@ def product(a: Floats, b: Floats) -> Floats:
 
     Shapes: `a`, `b` (..., m, k) and (..., k, n); result (..., m, n).
     """
-    if a.ndim == b.ndim == 2:
-        out = np.zeros((a.shape[0], b.shape[1]))
-        add_product(np.ascontiguousarray(a), np.ascontiguousarray(b), out)
-        return out
-    terms = a[..., :, :, None] * b[..., None, :, :]
-    return np.asarray(np.add.accumulate(terms, axis=-2)[..., -1, :] + 0.0)  # a sum of -0.0 is 0.0
+    stack = np.broadcast_shapes(a.shape[:-2], b.shape[:-2])
+    left, right = (np.broadcast_to(part, stack + part.shape[-2:]) for part in (a, b))
+    shape = (*stack, a.shape[-2], b.shape[-1])
+    out = np.zeros((math.prod(stack), *shape[-2:]))
+    add_products(_as_stack(left), _as_stack(right), out)
+    return out.reshape(shape)
+
+
+def _as_stack(matrices: Floats) -> Floats:
+    """Matrices one after the other in memory, as one stack."""
+    shape = (math.prod(matrices.shape[:-2]), *matrices.shape[-2:])
+    return np.ascontiguousarray(matrices).reshape(shape)
 
 
 def transform(linear: Floats, form: Floats) -> Floats:
