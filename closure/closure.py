@@ -252,7 +252,7 @@ class Closure:
         counts."""
         return trace.seconds
 
-    def most_seconds(self, impacts: int) -> float:
+    def most_seconds(self, impacts: int, wheels: int) -> float:
         """A guess of the seconds, before it is called."""
         return 1e-6 * GUESS * impacts
 

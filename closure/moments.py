@@ -120,8 +120,10 @@ ERROR_PER_SLOW_SHARE = 1.0  # error per share of slow impacts
 # errors of mean and sd, per ratio of second-order to first-order sd
 CURVED = np.array([0.05, 0.15])
 ERROR_PER_SPLIT = 0.2  # error per unit of what further splits are worth
-# of a component's flight on one core, with splitting and merging; measured once
+# of a component's flight on one core, with splitting and merging; measured once for two wheels
 COMPONENT_MICROSECONDS = 60.0
+# what more wheels than two cost, as a power of their number; measured once for 3 to 16
+COST_POWER = 1.5
 FLIGHT_MICROSECONDS = 0.8  # of a path's flight, as the cost model of exact flights has it
 COVERAGE = "estimates; at most one row in ten is beyond them"  # measured: docs/theory/closures.md
 LEAST_BELIEVED_ERROR = 1e-3  # error below which no bound is believed: 12 impacts of a million paths
@@ -225,8 +227,9 @@ def advice(found: Trace, tolerance: float) -> str:
     paths = (ALL / float(max(np.fmax(means, sds), LEAST_BELIEVED_ERROR))) ** 2 * max(
         1.0, 0.25 * (heaviest - 1.0)
     )
-    work = 1e-6 * COMPONENT_MICROSECONDS * found.work
-    simulated = 1e-6 * FLIGHT_MICROSECONDS * paths * found.found
+    work = 1e-6 * COMPONENT_MICROSECONDS * cost_factor(found.wheels) * found.work
+    flights = max(1.0, 0.5 * found.wheels) * paths * found.found
+    simulated = 1e-6 * FLIGHT_MICROSECONDS * flights
     if work > simulated:
         said += (
             f", within the tolerance {tolerance:g}; {paths:.1g} paths are as accurate at less work"
@@ -251,16 +254,15 @@ def kurtosis(found: Trace) -> Floats:
 def check_row(name: str, scene: Scene) -> None:
     """Refuse a scene other than the paper's, for a closure that is the paper's: one or two wheels
     in a row."""
-    if [(wheel.parent, wheel.ratio) for wheel in scene.tree] not in (
-        [(0, 1.0)],
-        [(0, 1.0), (1, 1.0)],
-    ):
-        raise InputError(
-            "wheels",
-            len(scene.tree),
-            f"{name} is the paper's closure, for one or two wheels in a row; use saltation or"
-            " branching",
-        )
+    meshes = [(wheel.parent, wheel.ratio) for wheel in scene.tree]
+    if meshes not in ([(0, 1.0)], [(0, 1.0), (1, 1.0)]):
+        why = "is the paper's closure, for one or two wheels in a row; use saltation or branching"
+        raise InputError("wheels", len(meshes), f"{name} {why}")
+
+
+def cost_factor(wheels: int) -> float:
+    """How many times the cost for one or two wheels an impact or a component costs."""
+    return float(max(1.0, (0.5 * wheels) ** COST_POWER))
 
 
 def check_white(scene: Scene) -> None:

@@ -322,9 +322,7 @@ def _over_orders(
 
 
 @internal
-def _covariance(
-    drive: Any, c: Constants, v: Floats, apart: Floats, tau: float, t: float
-) -> Floats:
+def _covariance(drive: Any, c: Constants, v: Floats, apart: Floats, tau: float, t: float) -> Floats:
     """Covariance of the coordinates of `noise_covariance` by unit noise."""
     fastest = 0.0
     for i in range(c.wheels.size):

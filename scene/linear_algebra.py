@@ -273,18 +273,16 @@ def product(a: Floats, b: Floats) -> Floats:
 
     Shapes: `a`, `b` (..., m, k) and (..., k, n); result (..., m, n).
     """
-    stack = np.broadcast_shapes(a.shape[:-2], b.shape[:-2])
-    left, right = (np.broadcast_to(part, stack + part.shape[-2:]) for part in (a, b))
-    shape = (*stack, a.shape[-2], b.shape[-1])
-    out = np.zeros((math.prod(stack), *shape[-2:]))
-    add_products(_as_stack(left), _as_stack(right), out)
-    return out.reshape(shape)
-
-
-def _as_stack(matrices: Floats) -> Floats:
-    """Matrices one after the other in memory, as one stack."""
-    shape = (math.prod(matrices.shape[:-2]), *matrices.shape[-2:])
-    return np.ascontiguousarray(matrices).reshape(shape)
+    stack = a.shape[:-2]
+    if stack != b.shape[:-2]:
+        stack = np.broadcast_shapes(stack, b.shape[:-2])
+        a, b = (np.broadcast_to(part, stack + part.shape[-2:]) for part in (a, b))
+    count = math.prod(stack)
+    rows, columns = a.shape[-2], b.shape[-1]
+    left, right = (np.ascontiguousarray(part).reshape(count, *part.shape[-2:]) for part in (a, b))
+    out = np.zeros((count, rows, columns))
+    add_products(left, right, out)
+    return out.reshape(*stack, rows, columns)
 
 
 def transform(linear: Floats, form: Floats) -> Floats:

@@ -293,7 +293,9 @@ class Scene:
         """
         if self.wheels:
             given = self.wheels
-            return tuple(w if w.epsilon is not None else replace(w, epsilon=self.epsilon) for w in given)
+            return tuple(
+                w if w.epsilon is not None else replace(w, epsilon=self.epsilon) for w in given
+            )
         t = self.tolerance
         first = Wheel(
             beta=self.beta1,
@@ -490,7 +492,9 @@ class Scene:
         state: dict[str, Any] = {n: factor * getattr(s, n) for n in ("x1", "y1", "x2", "y2")}
         state["state"] = tuple(factor * value for value in s.state)
         wheels = tuple(
-            _copy_with(w, gamma=factor * w.gamma, gap=factor * w.gap, tolerance=factor * w.tolerance)
+            _copy_with(
+                w, gamma=factor * w.gamma, gap=factor * w.gap, tolerance=factor * w.tolerance
+            )
             for w in self.wheels
         )
         lengths = {
@@ -650,9 +654,13 @@ class Scene:
         for name in ("tolerance", "start"):
             values[name] = values[name] and asdict(values[name])
         if self.wheels:
-            values = {k: v for k, v in values.items() if k not in (*SHORT, "stages", "gap1", "gap2")}
+            values = {
+                k: v for k, v in values.items() if k not in (*SHORT, "stages", "gap1", "gap2")
+            }
             values["wheels"] = [_as_table(wheel) for wheel in self.wheels]
-            values["start"] = {k: v for k, v in values["start"].items() if k in ("tau", "mesh", "state")}
+            values["start"] = {
+                k: v for k, v in values["start"].items() if k in ("tau", "mesh", "state")
+            }
         else:
             del values["wheels"]
             del values["start"]["state"]

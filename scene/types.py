@@ -13,7 +13,6 @@ Wheels = Any
 """An array of `WHEEL`, whose records have their fields as attributes."""
 
 
-
 def state_names(wheels: int) -> tuple[str, ...]:
     """``x1, y1, x2, y2, ...``: displacement in each gap and its rate."""
     return tuple(f"{letter}{i}" for i in range(1, wheels + 1) for letter in "xy")
