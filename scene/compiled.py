@@ -323,7 +323,12 @@ def _keep(function: Callable[P, R], options: dict[str, Any]) -> Any:
     return compiled
 
 
-OPTIONS: dict[str, Any] = {"nogil": True, "no_cfunc_wrapper": True, "error_model": "numpy"}
+OPTIONS: dict[str, Any] = {
+    "nogil": True,
+    "no_cfunc_wrapper": True,
+    "error_model": "numpy",
+    "_nrt": True,
+}
 """Compiled code releases the interpreter lock.
 
 Division follows IEEE rules instead of raising: a branch on every division keeps LLVM from

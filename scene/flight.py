@@ -201,7 +201,9 @@ def noise_rate(c: Constants, tau: float, i: int) -> float:
     """Noise coefficient of ``y_i`` for the one white noise ``sigma eta`` (Eq. 5), for ``sigma =
     1``."""
     first, second = velocity_acceleration(c.drive, tau)
-    return c.wheels[i].second * second + c.wheels[i].first * first
+    wheel = c.wheels[i]
+    rate: float = wheel.second * second + wheel.first * first
+    return rate
 
 
 @internal
@@ -318,7 +320,8 @@ def _over_orders(
             q = congruence(_propagate(c, v, apart, h), q) + q
             h *= 2.0
         out = congruence(_propagate(c, v, apart, rest), out)
-    return out + _over_panels(c, v, apart, tau, rest, panel)
+    total: Floats = out + _over_panels(c, v, apart, tau, rest, panel)
+    return total
 
 
 @internal

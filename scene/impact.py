@@ -76,7 +76,8 @@ def energy_loss(c: Constants, mesh: int, y: Number) -> Number:
     """
     wheel = c.wheels[mesh - 1]
     reduced = wheel.mass * (1.0 - wheel.share)
-    return 0.5 * (1.0 - wheel.epsilon * wheel.epsilon) * reduced * y * y
+    loss: Number = 0.5 * (1.0 - wheel.epsilon * wheel.epsilon) * reduced * y * y
+    return loss
 
 
 @internal
@@ -211,7 +212,6 @@ def next_impact(
     force = c.alpha * most_acceleration(c.drive)
     jolt = c.alpha * most_jerk(c.drive)
     sides = np.zeros(n, np.int64)
-    accelerations = np.empty(n)
     # what has been added to the displacements, and the rates
     moved = s.copy()
     for i in range(n):

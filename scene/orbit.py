@@ -135,7 +135,7 @@ def stick(c: Constants, period: float, at: Impacts, k: int, legs: list[Leg], roo
     closed = np.zeros(c.wheels.size, np.int64)
     t, sticking = find_chatter(c, at, k)
     if t < math.inf:
-        state = close(c, flow(c, tau, state, t), sticking)
+        state = close(c, flow(c, tau, state, t), sticking, sticking * c.wheels["wall"])
         tau += t
         flight += t
     while True:

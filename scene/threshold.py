@@ -110,12 +110,11 @@ def rattle_threshold(scene: Scene) -> tuple[RattleThreshold, ...]:
         if gears is None:
             out.append(RattleThreshold(number, float(gamma), float(threshold), ""))
             continue
-        inertia, radius, torque = (
-            getattr(gears, f"{name}{number}") for name in ("inertia", "radius", "torque")
-        )
+        at = gears.tree[number - 1]
         # N mm of gamma = 1
-        newton = inertia * gears.backlash1 * gears.omega**2 / (KG_MM_PER_S2_PER_N * radius)
-        out.append(RattleThreshold(number, torque, float(threshold) * newton, "N mm"))
+        unit = at.inertia * gears.units.length * gears.omega**2
+        newton = unit / (KG_MM_PER_S2_PER_N * at.radius)
+        out.append(RattleThreshold(number, at.torque, float(threshold) * newton, "N mm"))
     return tuple(out)
 
 

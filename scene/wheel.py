@@ -15,6 +15,7 @@ def complete_wheels(wheels: Wheels) -> None:
     """
     for i in range(wheels.size):
         wheel = wheels[i]
+        wheel.drives = 0
         if wheel.parent < 0:
             wheel.share = 0.0
             wheel.coupling = 0.0
@@ -23,6 +24,7 @@ def complete_wheels(wheels: Wheels) -> None:
             wheel.first = wheel.sign * wheel.turn * wheel.beta
         else:
             parent = wheels[wheel.parent]
+            parent.drives = 1
             carried = wheel.ratio * wheel.ratio * wheel.mass
             wheel.share = carried / (carried + parent.mass)
             wheel.coupling = wheel.ratio * (wheel.beta - parent.beta)

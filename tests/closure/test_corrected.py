@@ -2,7 +2,7 @@ import math
 
 import numpy as np
 import pytest
-from oracle import two_stages
+from oracle import gearbox
 from reference_moments import stage_moments_after_flight
 
 from rattle.closure import follow, mean_map
@@ -14,7 +14,7 @@ PHI0 = 1 / math.sqrt(2 * math.pi)
 def covariances(scene, orbit, wrong=lambda r: r):
     """Covariance just before each impact of an orbit: its own differential equation, impacts by
     section 3."""
-    box = two_stages(scene.constants)
+    box = gearbox(scene.constants)
     impacts = wrong([box.restitution(mesh) for mesh in range(3)])
     cov = np.zeros((4, 4))
     found = [np.zeros((4, 4))]
@@ -71,7 +71,7 @@ def test_raw_moments_of_a_stage_are_those_of_their_hierarchy(order):
     and not (-eps)^p."""
     scene = Scene.from_gears(DAT21, sigma=0.3, stages=1)
     c = scene.constants
-    box = two_stages(c)
+    box = gearbox(c)
     m = mean_map(scene, impacts=3, closure="corrected", order=order)
     p = np.arange(order + 1)
     right, wrong = np.zeros((2, order + 1, order + 1))
