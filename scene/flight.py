@@ -324,7 +324,7 @@ def _over_orders(
     return total
 
 
-@jit
+@internal
 def _covariance(drive: Any, c: Constants, v: Floats, apart: Floats, tau: float, t: float) -> Floats:
     """Covariance of the coordinates of `noise_covariance` by unit noise."""
     fastest = 0.0
@@ -367,7 +367,7 @@ def _stand_apart(c: Constants, t: float) -> Floats:
     return apart
 
 
-@internal
+@jit
 def noise_covariance(c: Constants, tau: float, t: float) -> Floats:
     """Covariance of the state that the noise adds in a flight of time `t` from `tau`.
 
