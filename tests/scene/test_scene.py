@@ -4,8 +4,19 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scenes import TREES
 
-from rattle.scene import DAT21, FileError, Gears, InputError, Scene, Start, Tolerance
+from rattle.scene import (
+    DAT21,
+    FileError,
+    Gears,
+    InputError,
+    Order,
+    Scene,
+    Start,
+    Tolerance,
+    Wheel,
+)
 
 VALUES = {
     "alpha": 1.5,
@@ -137,6 +148,82 @@ def test_a_single_stage_knows_mesh_1_only():
         Scene(**VALUES, stages=1, start=Start(x2=0.4, y2=1.0, mesh=2))
 
 
+ONE = Wheel(beta=0.1, gamma=0.2)
+TWO = replace(ONE, parent=1, name="two")
+
+
+@pytest.mark.parametrize(
+    ("settings", "field", "value", "remedy"),
+    [
+        ({"wheels": ONE}, "wheels", ONE, "give a sequence of Wheel"),
+        ({"wheels": [ONE, 3]}, "wheels", 3, "give a sequence of Wheel"),
+        ({"wheels": [ONE] * 33}, "wheels", 33, "at most 32 wheels"),
+        ({"wheels": [ONE, replace(ONE, parent=3)]}, "wheel.2.parent", 3, "there are 2 wheels"),
+        (
+            {"wheels": [ONE, replace(ONE, parent="tow")]},
+            "wheel.2.parent",
+            "tow",
+            "no wheel has this",
+        ),
+        (
+            {"wheels": [replace(ONE, parent=2), TWO]},
+            "wheel.1.parent",
+            2,
+            "no wheel may mesh with itself in a circle",
+        ),
+        (
+            {"wheels": [ONE, TWO, TWO]},
+            "wheel.3.name",
+            "two",
+            "two wheels have this name; rename one",
+        ),
+        ({"wheels": [ONE], "epsilon": None}, "wheel.1.epsilon", None, "give it one, or the scene"),
+        ({"wheels": [ONE], "beta1": 0.1}, "beta1", 0.1, "give it, or wheels; not both"),
+        ({"wheels": [ONE], "gap1": 0.1}, "gap1", 0.1, "give it, or wheels; not both"),
+        (
+            {"wheels": [ONE, ONE], "start": Start(state=(0.1, 0.2, 0.6, 0.0))},
+            "start.x2",
+            0.6,
+            "must lie on a flank",
+        ),
+    ],
+)
+def test_wheels_that_make_no_gearbox_are_refused(settings, field, value, remedy):
+    with refused(field, value, remedy):
+        Scene(**{"alpha": 1.0, "epsilon": 0.5} | settings)
+
+
+@pytest.mark.parametrize("name", ["gap", "mass", "ratio"])
+def test_a_wheel_without_gap_mass_or_ratio_is_refused(name):
+    with refused(f"wheel.{name}", 0.0, "must be greater than 0"):
+        Wheel(beta=0.1, gamma=0.2, **{name: 0.0})
+
+
+def test_two_wheels_in_a_row_are_the_short_form():
+    row = [replace(ONE, mass=2.0), Wheel(beta=0.3, gamma=0.1, gap=0.4, mass=3.0, parent=1)]
+    scene = Scene(alpha=1.0, epsilon=0.5, wheels=row)
+    short = {"beta1": 0.1, "gamma1": 0.2, "beta2": 0.3, "gamma2": 0.1, "gap2": 0.4, "mu": 0.6}
+    assert scene == Scene(alpha=1.0, epsilon=0.5, **short)
+    assert Scene(alpha=1.0, wheels=[replace(ONE, epsilon=0.5)]).stages == 1
+
+
+def test_what_a_scene_keeps_of_its_wheels_is_never_that_of_another():
+    scene = TREES["tree of 4"]
+    wide = replace(scene, wheels=[replace(wheel, tolerance=0.1) for wheel in scene.wheels])
+    assert scene.constants.wheels is scene.constants.wheels
+    for other, gap in (
+        (wide.noise_free, 1.0),
+        (scene.scaled(2.0), 2.0),
+        (scene.phase_reduced, 1.0),
+    ):
+        walls = [gap * wheel.gap for wheel in scene.wheels]
+        assert other.constants.wheels["wall"].tolist() == walls
+        assert [wheel.tolerance for wheel in other.tree] == [0.0] * 4
+    assert pickle.loads(pickle.dumps(scene)) == scene
+    several = replace(scene, drive=(Order(1), Order(2, 0.3)))
+    assert several.constants.drive.waves is not several.constants.drive.waves
+
+
 def test_from_gears_takes_the_gears_numbers_and_keeps_the_gears():
     scene = Scene.from_gears(DAT21, sigma=0.2, stages=1)
     assert (scene.alpha, scene.epsilon, scene.beta2, scene.gamma1) == (
@@ -240,8 +327,17 @@ def test_broken_toml_is_a_file_error_that_says_where(text):
         Scene.from_toml(text)
 
 
-NAMES = {"DAT21": DAT21, "Gears": Gears, "Scene": Scene, "Start": Start, "Tolerance": Tolerance}
+KINDS = (Gears, Order, Scene, Start, Tolerance, Wheel)
+NAMES = {"DAT21": DAT21} | {kind.__name__: kind for kind in KINDS}
 LOOSE = replace(DAT21, backlash2=0.25)
+TREE = TREES["tree of 4"]
+NAMED = replace(
+    TREE,
+    wheels=[
+        replace(wheel, tolerance=0.01, name=name)
+        for wheel, name in zip(TREE.wheels, ("in", "a", "b", "out"), strict=True)
+    ],
+)
 
 
 @pytest.mark.parametrize(
@@ -251,6 +347,8 @@ LOOSE = replace(DAT21, backlash2=0.25)
         Scene.from_gears(LOOSE, sigma=0.1, tolerance=Tolerance(0.01, 1e-3, draw="contact")),
         Scene(alpha=1.5, epsilon=0.9, beta1=1 / 3, gamma1=0.0, stages=1, start=Start(tau=7.0)),
         Scene(alpha=1.5, epsilon=0.9, beta1=0.1, gamma1=0.0, mu=0.5, sigma=-0.0),
+        TREES["chain of 5"],
+        NAMED,
     ],
 )
 def test_its_repr_and_its_toml_make_a_scene_again_to_the_last_bit(scene):
@@ -259,7 +357,7 @@ def test_its_repr_and_its_toml_make_a_scene_again_to_the_last_bit(scene):
     assert repr(replace(scene, alpha=np.nextafter(scene.alpha, 9.0))) != repr(
         scene
     )  # one bit would be noticed
-    assert len(repr(scene).splitlines()) <= 4
+    assert len(repr(scene).splitlines()) <= 4 + 3 * len(scene.wheels)
     assert max(map(len, repr(scene).splitlines())) <= 100
     assert "<pre>Scene" in scene._repr_html_()
 

@@ -113,7 +113,7 @@ def enumerate_sticking(box, tau, y, touching):
 
 
 def test_the_meshes_that_stick_are_the_one_set_in_which_all_contacts_push():
-    """Of trees of six wheels with about five meshes that touch; a mass that is a tenth off is seen."""
+    """Of trees of six wheels, most of whose meshes touch; a mass that is a tenth off is seen."""
     rng = np.random.default_rng(4)
     states = 150
     seen = 0
