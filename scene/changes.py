@@ -7,12 +7,12 @@ number (``wheel.third.torque``, ``wheel.3.torque``, ``torque3``).
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import fields, replace
 from typing import Any
 
-from rattle.scene.errors import choice, non_negative
-from rattle.scene.gears import check_typed, values_of
+from rattle.scene.errors import InputError, nearest, non_negative
+from rattle.scene.gears import DRIVES, NUMBERED, check_typed, values_of
 from rattle.scene.gears_input import UNIT, read_drive
 from rattle.scene.loose_wheel import OF_MODEL, WHEEL_VALUE, kind_of_value, spell_value
 from rattle.scene.parts import Start, Tolerance, Wheel, move_to_flanks
@@ -43,6 +43,8 @@ ORDER_FIELD = re.compile(rf"drive\.([1-9][0-9]*)\.({'|'.join(ORDER_UNITS)})")
 DRAWN = {f"tolerance.backlash{mesh}": f"c{mesh}_max" for mesh in (1, 2)}
 """Tolerances of the backlashes as ``[gears.tolerance]`` has them, in mm, and their fields."""
 NOT_NUMBERS = ("stages", "start.mesh", "tolerance.distribution", "tolerance.draw")
+SWEPT = ("alpha", "epsilon", "beta1", "beta2", "gamma1", "gamma2", "mu", "gap1", "gap2", "sigma")
+"""Fields of one or two wheels in a row that are a number each, over which a sweep may go."""
 # not of a single stage
 SECOND = ("beta2", "gamma2", "mu", "gap2", "start.x2", "start.y2", "tolerance.c2_max")
 WHEEL_WORDS = {
@@ -89,6 +91,28 @@ def value_names(scene: Scene) -> tuple[str, ...]:
         names = [name for name in names if name not in short]
         names += [f"wheel.{label}.{kind}" for label in scene.wheel_names for kind in OF_MODEL]
     return (*names, *states)
+
+
+def parameter_names(scene: Scene) -> list[str]:
+    """The numbers of a scene that are changed one at a time to see what each of them does: of its
+    gears as they were typed, or of the model where it has none."""
+    gears = scene.gears
+    if gears is None and scene.wheels:
+        of_wheels = [name for name in value_names(scene) if name.startswith("wheel.")]
+        names = ["alpha", *of_wheels, "sigma"]
+    elif gears is None:
+        names = [name for name in SWEPT if scene.stages == 2 or name not in SECOND]
+    else:
+        of_all = [
+            gears.name_of(number, "epsilon")
+            for number, wheel in enumerate(gears.wheels, 1)
+            if wheel.epsilon is None
+        ]
+        others = [name for name in values_of(gears) if name not in (*DRIVES, *of_all)]
+        if scene.stages == 1:
+            others = [name for name in others if name not in NUMBERED or name[-1] == "1"]
+        names = ["amplitude", *others, "sigma"]
+    return [*names, "correlation_time"]
 
 
 def change(scene: Scene, changes: Mapping[str, Any]) -> Scene:
@@ -177,8 +201,9 @@ def find_value(scene: Scene, name: str, asked: str) -> float:
     if scene.gears is not None and name not in names:
         check_typed(scene.gears, name, asked)
     excluded = (*NOT_NUMBERS, *(SECOND if scene.stages == 1 else ()))
-    numbers = [known for known in names if known not in excluded]
-    choice(asked, name if name in numbers else given, dict.fromkeys([*of_gears, *numbers]))
+    numbers = [*of_gears, *(known for known in names if known not in excluded)]
+    if name not in numbers:
+        raise InputError(asked, given, _remedy(scene, given, numbers))
     part, _, field = name.partition(".")
     if part == "wheel":
         label, _, kind = field.partition(".")
@@ -189,6 +214,22 @@ def find_value(scene: Scene, name: str, asked: str) -> float:
     for field in name.split("."):
         value = getattr(value, field, 0.0)  # without a tolerance its parts are 0
     return float(value)
+
+
+def _remedy(scene: Scene, name: str, numbers: Iterable[str]) -> str:
+    """What to write in place of a name that no number of a scene has: of values of wheels those of
+    the one that was named, or of the first."""
+    labels = {str(number): label for number, label in enumerate(scene.wheel_names, 1)}
+    labels |= {label: label for label in scene.wheel_names}
+    shown = scene.wheel_names[0]
+    if name.startswith("wheel."):
+        label = name.split(".")[1]
+        if label not in labels:
+            return f"no wheel has this name; {nearest(label, scene.wheel_names)}"
+        shown = labels[label]
+    prefix = f"wheel.{shown}."
+    names = [known for known in numbers if known.startswith(prefix) or known[:6] != "wheel."]
+    return nearest(name, dict.fromkeys(names))
 
 
 def _find_in_order(scene: Scene, number: int, field: str) -> float:

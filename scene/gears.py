@@ -136,7 +136,8 @@ class Gears:
     )
 
     def __post_init__(self, origin: "Gears | None") -> None:
-        values = self._read_wheels() if len(self.wheels) else self._read_numbered()
+        is_copy = origin is not None
+        values = self._read_wheels(is_copy) if len(self.wheels) else self._read_numbered()
         for name in ("alpha", "epsilon", "omega"):
             values.setdefault(name, check_value(name, getattr(self, name)))
         for name, value in values.items():
@@ -145,20 +146,25 @@ class Gears:
             self._keep_typed(origin)
         object.__setattr__(self, "origin", self)
 
-    def _read_wheels(self) -> dict[str, Any]:
-        """The checked wheels, and a restitution where each has its own."""
+    def _read_wheels(self, is_copy: bool) -> dict[str, Any]:
+        """The checked wheels, and a restitution where each has its own.
+
+        `is_copy`: whether tables of drag are read at the speed of an original, and the driver's
+        radius is its.
+        """
         for name in NUMBERED:
             if getattr(self, name) is not None:
                 why = "belongs to gears without wheels; give it with each wheel"
                 raise InputError(name, getattr(self, name), why)
         wheels = read_wheels(self.wheels)
         for label, wheel in zip(wheel_labels(wheels), wheels, strict=True):
-            if wheel.torque_over_rpm is not None:
+            if wheel.torque_over_rpm is not None and not is_copy:
                 place = f"wheel.{label}.torque_over_rpm"
                 raise InputError(place, wheel.torque_over_rpm, self.ELSEWHERE["speed_rpm"])
             if wheel.epsilon is None and self.epsilon is None:
                 raise InputError("epsilon", None, f"give it, or wheel {label} one of its own")
-        ratios_of(wheels)  # there are radii for these
+        if not is_copy:
+            ratios_of(wheels)  # there are radii for these
         values: dict[str, Any] = {"wheels": wheels}
         if all(wheel.epsilon is not None for wheel in wheels):
             values["epsilon"] = wheels[0].epsilon
@@ -561,8 +567,8 @@ def _model_wheels(gears: Gears) -> tuple[Wheel, ...]:
 
 
 def values_of(gears: Gears) -> dict[str, float]:
-    """The values of gears that can be others: those that were typed, and the drive in mm and as
-    `alpha`."""
+    """The values of gears that can be others: those that were typed, the drive in mm and as
+    `alpha`, and the restitution of every named wheel."""
     typed = gears.values
     wheels = typed.pop("wheels", ())
     values = {name: value for name, value in typed.items() if name not in DRAG_TABLES}
@@ -570,6 +576,7 @@ def values_of(gears: Gears) -> dict[str, float]:
         for kind in (*WHEEL_KINDS, *OPTIONAL_KINDS):
             if getattr(wheel, kind) is not None:
                 values[gears.name_of(number, kind)] = getattr(wheel, kind)
+        values.setdefault(gears.name_of(number, "epsilon"), gears.epsilon)
     return {"alpha": gears.alpha, "amplitude": gears.amplitude} | values
 
 

@@ -67,8 +67,6 @@ TABLES = ("gears", "wheel", "scene", "drive")
 """Tables of a scene file."""
 FREE = ("sigma", "tolerance", "start", "stages", "drive", "correlation_time")
 """Fields of a scene that gears do not fix."""
-SWEPT = ("alpha", "epsilon", "beta1", "beta2", "gamma1", "gamma2", "mu", "gap1", "gap2", "sigma")
-"""Fields that are a number each, over which a sweep may go."""
 
 
 @suggesting

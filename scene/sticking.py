@@ -479,6 +479,7 @@ def complete_chatter(
     most = _most_acceleration(c, tau, s)
     near = np.zeros(n, np.int64)
     at_rest = np.zeros(n, np.int64)
+    reach = np.zeros(n)
     change = 0.0
     for i in range(n):
         wheel = c.wheels[i]
@@ -488,10 +489,19 @@ def complete_chatter(
         slow = 2.0 * abs(s[2 * i + 1]) <= limit * most and 8.0 * gap <= limit * limit * most
         change += approach(c, i, u, driver, force, jolt)[3]
         near[i] = nearest if slow or i == mesh - 1 else 0
-        at_rest[i] = nearest if s[2 * i + 1] == 0.0 and i != mesh - 1 else 0
-    together = find_sticking(c, tau, s, near)
-    if together[mesh - 1] != 0 and _stick_together(c, tau, s, together, at_rest, mesh, change):
-        return 0.0, together
+        # speed that it has at its wall at most
+        fastest = abs(s[2 * i + 1]) + math.sqrt(2.0 * most * gap)
+        if i != mesh - 1:
+            at_rest[i] = nearest if fastest == 0.0 else 0
+            reach[i] = fastest if slow else 0.0
+    # without the fastest of them, again and again: it may be in flight beside the chatter of others
+    while reach.max() > 0.0:
+        together = find_sticking(c, tau, s, near)
+        if together[mesh - 1] != 0 and _stick_together(c, tau, s, together, at_rest, mesh, change):
+            return 0.0, together
+        i = np.argmax(reach)
+        near[i] = 0
+        reach[i] = 0.0
     closed = find_sticking(c, tau, s, at_rest)
     press = side * contact_motion(c, tau, s, closed)[mesh - 1]
     speed = -side * s[2 * mesh - 1]
