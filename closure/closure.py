@@ -168,8 +168,12 @@ class Closure:
             raise InputError(
                 "closure.predicts", self.predicts, "give a list of columns, as in ('tau', 'sd_tau')"
             )
-        possible = section_columns(MOST_WHEELS)
-        predicts = tuple(choice("closure.predicts", name, possible) for name in self.predicts)
+        known = section_columns(MOST_WHEELS)
+        few = section_columns(2)  # of which a message tells
+        predicts = tuple(
+            choice("closure.predicts", name, known if name in known else few)
+            for name in self.predicts
+        )
         if self.stages is not None:
             count("closure.stages", self.stages, least=1, most=MOST_WHEELS)
         if self.describes is not None:
