@@ -447,8 +447,10 @@ def _stick_together(
             longest = max(longest, 2.0 / (1.0 - wheel.epsilon))
             fastest = max(fastest, abs(s[2 * i + 1]))
             furthest = max(furthest, wheel.wall - abs(s[2 * i]))
+    if not (others and weakest > 0.0):
+        return False
     t = longest * (fastest + math.sqrt(2.0 * strongest * furthest)) / weakest
-    return others and t <= CHATTER_LIMIT and t * change <= CHATTER_LIMIT * weakest
+    return t <= CHATTER_LIMIT and t * change <= CHATTER_LIMIT * weakest
 
 
 @internal
