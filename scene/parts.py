@@ -4,7 +4,7 @@ paths."""
 import math
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 from rattle.scene.errors import (
@@ -19,6 +19,7 @@ from rattle.scene.errors import (
     suggesting,
     unit_interval,
 )
+from rattle.scene.text import as_call
 from rattle.scene.types import CUT, state_names
 
 _edge = math.exp(-0.5 * CUT**2) / math.sqrt(2.0 * math.pi)
@@ -213,20 +214,6 @@ class Tolerance:
         choice("tolerance.distribution", self.distribution, UNIT_VARIANCE)
         choice("tolerance.draw", self.draw, DRAWS)
 
-    @property
-    def differs_by_set(self) -> bool:
-        """Whether every gear set has backlashes of its own, for good."""
-        drawn_once = self.draw == "path" and self.distribution != "fixed"
-        return drawn_once and max(self.c1_max, self.c2_max) > 0.0
-
-    @property
-    def variances(self) -> tuple[float, float]:
-        """Variances of ``c_1`` and ``c_2``, a pair of floats."""
-        return (
-            self.c1_max**2 * UNIT_VARIANCE[self.distribution],
-            self.c2_max**2 * UNIT_VARIANCE[self.distribution],
-        )
-
 
 @suggesting
 @dataclass(frozen=True)
@@ -329,6 +316,11 @@ class Start:
             check_range(f"start.{name}", value, 0.0, most)
         mesh = count("start.mesh", self.mesh, least=0, most=MOST_WHEELS)
         object.__setattr__(self, "mesh", mesh)
+
+    def __repr__(self) -> str:
+        """Python text that makes the start: by its state, or by the numbers of two wheels."""
+        unused = ("x1", "y1", "x2", "y2") if self.state else ("state",)
+        return as_call("Start", {k: v for k, v in asdict(self).items() if k not in unused})
 
     def _take_state(self) -> None:
         """Check a state that is given as a whole; one of two wheels becomes the four numbers."""

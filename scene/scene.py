@@ -32,7 +32,6 @@ from rattle.scene.parts import (
 )
 from rattle.scene.text import as_call, as_html
 from rattle.scene.types import SINE, WHEEL, Constants, Floats, Orders, Wheels
-from rattle.scene.wheel import complete_wheels
 
 Times = TypeVar("Times", float, Floats)
 Part = TypeVar("Part")
@@ -632,6 +631,9 @@ class Scene:
     @cached_property
     def _compiled_wheels(self) -> Wheels:
         """The wheels for compiled code, which only reads them."""
+        # here, since it loads numba
+        from rattle.scene.wheel import complete_wheels
+
         fixed = self.tolerance is not None and self.tolerance.distribution == "fixed"
         tree = self.tree
         wheels = np.zeros(len(tree), WHEEL)
@@ -667,6 +669,14 @@ class Scene:
         gap = np.where(gap > FAR_ORDERS, 0, gap)
         waves = np.empty((2, len(j)))
         return Orders(order, gap, odd, even, order[-1], most1, most2, most3, waves)
+
+    @property
+    def differs_by_set(self) -> bool:
+        """Whether every gear set has backlashes of its own, for good."""
+        tolerance = self.tolerance
+        if tolerance is None or tolerance.draw != "path" or tolerance.distribution == "fixed":
+            return False
+        return any(wheel.tolerance > 0.0 for wheel in self.tree)
 
     @property
     def windows(self) -> tuple[float, ...]:

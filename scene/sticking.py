@@ -501,7 +501,7 @@ def complete_chatter(
         together = find_sticking(c, tau, s, near)
         if together[mesh - 1] != 0 and _stick_together(c, tau, s, together, at_rest, mesh, change):
             return 0.0, together
-        i = np.argmax(reach)
+        i = int(np.argmax(reach))
         near[i] = 0
         reach[i] = 0.0
     closed = find_sticking(c, tau, s, at_rest)

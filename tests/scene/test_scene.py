@@ -219,6 +219,8 @@ def test_what_a_scene_keeps_of_its_wheels_is_never_that_of_another():
         walls = [gap * wheel.gap for wheel in scene.wheels]
         assert other.constants.wheels["wall"].tolist() == walls
         assert [wheel.tolerance for wheel in other.tree] == [0.0] * 4
+    assert wide.differs_by_set
+    assert not scene.differs_by_set
     assert pickle.loads(pickle.dumps(scene)) == scene
     several = replace(scene, drive=(Order(1), Order(2, 0.3)))
     assert several.constants.drive.waves is not several.constants.drive.waves
