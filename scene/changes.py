@@ -157,16 +157,19 @@ def change(scene: Scene, changes: Mapping[str, Any]) -> Scene:
 
 def _change_wheels(scene: Scene, changes: Mapping[str, Any]) -> tuple[Wheel, ...]:
     """The wheels of the model with other values, by ``third.gamma``."""
-    wheels = dict(zip(scene.wheel_names, scene.wheels, strict=True))
+    wheels = dict(zip(scene.wheel_names if scene.wheels else (), scene.wheels, strict=True))
     for name, value in changes.items():
         label, _, kind = name.partition(".")
+        if label not in wheels:
+            name = f"wheel.{name}"
+            raise InputError("scene", name, _remedy(scene, name, value_names(scene)))
         wheels[label] = replace(wheels[label], **{kind: value})
     return tuple(wheels.values())
 
 
 def _change_start(start: Start, changes: Mapping[str, Any]) -> Start:
     """A start with other values, also of a wheel beyond the second."""
-    if not start.state:
+    if not start.state or "state" in changes:
         return replace(start, **changes)
     values = dict(zip(state_names(len(start.state) // 2), start.state, strict=True))
     state = {name: value for name, value in changes.items() if name in values}

@@ -22,7 +22,7 @@ from rattle.scene.loose_wheel import (
     read_wheels,
     spell_value,
 )
-from rattle.scene.parts import Wheel, find_parents, wheel_labels
+from rattle.scene.parts import Wheel, are_given, find_parents, wheel_labels
 from rattle.scene.text import as_call
 from rattle.scene.units import Units
 
@@ -137,7 +137,7 @@ class Gears:
 
     def __post_init__(self, origin: "Gears | None") -> None:
         is_copy = origin is not None
-        values = self._read_wheels(is_copy) if len(self.wheels) else self._read_numbered()
+        values = self._read_wheels(is_copy) if are_given(self.wheels) else self._read_numbered()
         for name in ("alpha", "epsilon", "omega"):
             values.setdefault(name, check_value(name, getattr(self, name)))
         for name, value in values.items():
@@ -292,9 +292,8 @@ class Gears:
         Raises
         ------
         InputError
-            Unless the drive is given in just one way, or if a value has no physical meaning, or a
-            speed comes without `driver_radius`, or a table of drag without a speed or for another
-            one.
+            Unless the drive is given in just one way, or if a value has no physical meaning, or for
+            a speed without `driver_radius`, or a table of drag without a speed.
 
         Examples
         --------
@@ -337,7 +336,7 @@ class Gears:
         if len(speeds) == 2:
             raise InputError("gears", speeds, "give the mean speed of the driver once")
         radius: Any = typed.get("driver_radius")
-        has_wheels = len(values.get("wheels", ())) > 0
+        has_wheels = are_given(values.get("wheels", ()))
         if has_wheels:
             typed["wheels"] = read_wheels(values["wheels"])
             values["wheels"] = _share_radius(typed["wheels"], radius)

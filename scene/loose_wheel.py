@@ -160,10 +160,13 @@ def read_wheels(given: object) -> tuple[LooseWheel, ...]:
                 left_out["torque_over_rpm"] = first.torque_over_rpm
         changed = {name: v for name, v in left_out.items() if getattr(wheel, name) is None}
         wheel = replace(wheel, **changed)
+        absent = {"parent_radius", "epsilon"}
+        if wheel.torque_over_rpm is not None:
+            absent.add("torque")
         checked: dict[str, Any] = {
             kind: check_value(f"{place}{kind}", getattr(wheel, kind))
             for kind in (*WHEEL_KINDS, *OPTIONAL_KINDS)
-            if getattr(wheel, kind) is not None or kind == "backlash"
+            if getattr(wheel, kind) is not None or kind not in absent
         }
         if wheel.torque_over_rpm is not None:
             checked["torque_over_rpm"] = read_drag(f"{place}torque_over_rpm", wheel.torque_over_rpm)

@@ -2,6 +2,7 @@
 them."""
 
 import math
+from collections.abc import Sequence
 from copy import copy
 from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path
@@ -24,6 +25,7 @@ from rattle.scene.parts import (
     Start,
     Tolerance,
     Wheel,
+    are_given,
     find_parents,
     move_to_flanks,
     wheel_labels,
@@ -144,7 +146,7 @@ class Scene:
     def __post_init__(self) -> None:
         if self.gears is not None:
             self._check_gears()
-        if len(self.wheels):
+        if are_given(self.wheels):
             self._take_wheels()
         else:
             object.__setattr__(self, "stages", errors.count("stages", self.stages, 1, 2))
@@ -247,6 +249,8 @@ class Scene:
 
     def _take_wheels(self) -> None:
         """Check the wheels of a gearbox; one or two in a row become the short form."""
+        if not isinstance(self.wheels, Sequence):
+            raise InputError("wheels", self.wheels, "give a sequence of Wheel")
         given = tuple(self.wheels)
         for name in SHORT:
             if getattr(self, name) not in (None, 0.0):
