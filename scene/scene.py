@@ -32,7 +32,6 @@ from rattle.scene.parts import (
 )
 from rattle.scene.text import as_call, as_html
 from rattle.scene.types import SINE, WHEEL, Constants, Floats, Orders
-from rattle.scene.wheel import complete_wheels
 
 Times = TypeVar("Times", float, Floats)
 Part = TypeVar("Part")
@@ -614,6 +613,10 @@ class Scene:
     @property
     def constants(self) -> Constants:
         """The numbers of the scene for compiled code; a fixed tolerance is part of the walls."""
+        from rattle.scene.wheel import (
+            complete_wheels,
+        )  # it loads numba, which --help has no use for
+
         fixed = self.tolerance is not None and self.tolerance.distribution == "fixed"
         tree = self.tree
         wheels = np.empty(len(tree), WHEEL)
