@@ -613,9 +613,8 @@ class Scene:
     @property
     def constants(self) -> Constants:
         """The numbers of the scene for compiled code; a fixed tolerance is part of the walls."""
-        from rattle.scene.wheel import (
-            complete_wheels,
-        )  # it loads numba, which --help has no use for
+        # here, for it loads numba, which --help has no use for
+        from rattle.scene.wheel import complete_wheels
 
         fixed = self.tolerance is not None and self.tolerance.distribution == "fixed"
         tree = self.tree
