@@ -5,6 +5,7 @@ import math
 from collections.abc import Sequence
 from copy import copy
 from dataclasses import asdict, dataclass, field, fields, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -25,13 +26,12 @@ from rattle.scene.parts import (
     Start,
     Tolerance,
     Wheel,
-    are_given,
     find_parents,
     move_to_flanks,
     wheel_labels,
 )
 from rattle.scene.text import as_call, as_html
-from rattle.scene.types import SINE, WHEEL, Constants, Floats, Orders
+from rattle.scene.types import SINE, WHEEL, Constants, Floats, Orders, Wheels
 
 Times = TypeVar("Times", float, Floats)
 Part = TypeVar("Part")
@@ -44,11 +44,24 @@ LARGEST_VALUES = {
     "gamma2": 1e6,
     "sigma": 1e6,
 }
-PLAIN = Wheel(beta=0.0, gamma=0.0)
+CACHED = ("tree", "_compiled_wheels")
+"""What a scene computes once and keeps."""
+UNRELATED = {"sigma", "start"}
+"""Fields whose change leaves that as it is."""
 FAR_ORDERS = 8
 """Gap between orders above which the sine of the next one is not computed from that of the last."""
-SHORT = ("beta1", "gamma1", "beta2", "gamma2", "mu")
-"""Fields of one or two wheels in a row, which a scene of `Wheel` has no use for."""
+SHORT = {
+    "beta1": 0.0,
+    "gamma1": 0.0,
+    "beta2": 0.0,
+    "gamma2": 0.0,
+    "mu": 0.0,
+    "gap1": 0.5,
+    "gap2": 0.5,
+}
+"""Fields of one or two wheels in a row, and what they are in a scene of `Wheel`, which has no use
+for them."""
+PLAIN_WHEEL = Wheel(beta=0.0, gamma=0.0)
 TABLES = ("gears", "wheel", "scene", "drive")
 """Tables of a scene file."""
 FREE = ("sigma", "tolerance", "start", "stages", "drive", "correlation_time")
@@ -143,9 +156,11 @@ class Scene:
     gears: Gears | None = field(default=None, compare=False, repr=False)
 
     def __post_init__(self) -> None:
+        if not isinstance(self.wheels, Sequence):
+            raise InputError("wheels", self.wheels, "give a sequence of Wheel")
         if self.gears is not None:
             self._check_gears()
-        if are_given(self.wheels):
+        if self.wheels:
             self._take_wheels()
         else:
             object.__setattr__(self, "stages", errors.count("stages", self.stages, 1, 2))
@@ -194,7 +209,7 @@ class Scene:
         defaults: dict[str, Any] = {f.name: f.default for f in fields(self)}
         defaults["start"] = self._default_start
         if self.wheels:
-            defaults |= {"stages": self.stages} | dict.fromkeys(SHORT, 0.0)
+            defaults |= {"stages": self.stages} | SHORT
         shown = {
             name: value for name, value in shown.items() if repr(value) != repr(defaults[name])
         }
@@ -248,13 +263,11 @@ class Scene:
 
     def _take_wheels(self) -> None:
         """Check the wheels of a gearbox; one or two in a row become the short form."""
-        if not isinstance(self.wheels, Sequence):
-            raise InputError("wheels", self.wheels, "give a sequence of Wheel")
         given = tuple(self.wheels)
-        for name in SHORT:
-            if getattr(self, name) not in (None, 0.0):
+        for name, unused in SHORT.items():
+            if getattr(self, name) not in (None, unused):
                 raise InputError(name, getattr(self, name), "give it, or wheels; not both")
-            object.__setattr__(self, name, 0.0)
+            object.__setattr__(self, name, unused)
         for wheel in given:
             if not isinstance(wheel, Wheel):
                 raise InputError("wheels", wheel, "give a sequence of Wheel")
@@ -291,7 +304,7 @@ class Scene:
             values["tolerance"] = replace(self.tolerance, **widths)
         return values
 
-    @property
+    @cached_property
     def tree(self) -> tuple[Wheel, ...]:
         """The loose wheels, each with its number of the parent, its restitution and its tolerance.
 
@@ -302,19 +315,18 @@ class Scene:
         [0, 1]
         """
         if self.wheels:
-            given = self.wheels
             return tuple(
-                w if w.epsilon is not None else replace(w, epsilon=self.epsilon) for w in given
+                wheel if wheel.epsilon is not None else _copy_with(wheel, epsilon=self.epsilon)
+                for wheel in self.wheels
             )
-        t = self.tolerance
-        # not checked again: a scaled scene may be outside the admissible ranges
+        tolerance = self.tolerance or Tolerance()
         first = _copy_with(
-            PLAIN,
+            PLAIN_WHEEL,
             beta=self.beta1,
             gamma=self.gamma1,
             gap=self.gap1,
             epsilon=self.epsilon,
-            tolerance=t.c1_max if t is not None else 0.0,
+            tolerance=tolerance.c1_max,
         )
         if self.stages == 1:
             return (first,)
@@ -325,7 +337,7 @@ class Scene:
             gap=self.gap2,
             mass=self.mu / (1.0 - self.mu),
             parent=1,
-            tolerance=t.c2_max if t is not None else 0.0,
+            tolerance=tolerance.c2_max,
         )
         return first, second
 
@@ -603,36 +615,40 @@ class Scene:
     @property
     def noise_free(self) -> "Scene":
         """The same scene without noise and without random tolerance: the deterministic system."""
-        tolerance = (
-            self.tolerance
-            if self.tolerance is not None and self.tolerance.distribution == "fixed"
-            else None
-        )
-        return _copy_with(self, sigma=0.0, tolerance=tolerance)
+        changes: dict[str, Any] = {"sigma": 0.0}
+        if self.tolerance is not None and self.tolerance.distribution != "fixed":
+            changes["tolerance"] = None
+            changes["wheels"] = tuple(_copy_with(wheel, tolerance=0.0) for wheel in self.wheels)
+        return _copy_with(self, **changes)
 
     @property
     def constants(self) -> Constants:
         """The numbers of the scene for compiled code; a fixed tolerance is part of the walls."""
+        return Constants(
+            self.alpha, self.sigma, self._compiled_wheels, self._orders, self.correlation_time
+        )
+
+    @cached_property
+    def _compiled_wheels(self) -> Wheels:
+        """The wheels for compiled code, which only reads them."""
         # here, for it loads numba, which --help has no use for
         from rattle.scene.wheel import complete_wheels
 
         fixed = self.tolerance is not None and self.tolerance.distribution == "fixed"
         tree = self.tree
-        wheels = np.empty(len(tree), WHEEL)
-        for i, wheel in enumerate(tree):
-            parent = int(wheel.parent) - 1
-            at = wheels[i]
-            at.parent = parent
-            at.sign = 1.0 if parent < 0 else -1.0
-            at.ratio = wheel.ratio
-            at.turn = wheel.ratio * (wheels[parent].turn if parent >= 0 else 1.0)
-            at.beta = wheel.beta
-            at.gamma = wheel.gamma
-            at.wall = wheel.gap + wheel.tolerance if fixed else wheel.gap
-            at.epsilon = wheel.epsilon
-            at.mass = wheel.mass
+        wheels = np.zeros(len(tree), WHEEL)
+        for name in ("ratio", "beta", "gamma", "epsilon", "mass"):
+            wheels[name] = [getattr(wheel, name) for wheel in tree]
+        wheels["wall"] = [wheel.gap + fixed * wheel.tolerance for wheel in tree]
+        parents = [int(wheel.parent) - 1 for wheel in tree]
+        wheels["parent"] = parents
+        wheels["sign"] = [1.0 if parent < 0 else -1.0 for parent in parents]
+        turns: list[float] = []
+        for wheel, parent in zip(tree, parents, strict=True):
+            turns.append(wheel.ratio * (turns[parent] if parent >= 0 else 1.0))
+        wheels["turn"] = turns
         complete_wheels(wheels)
-        return Constants(self.alpha, self.sigma, wheels, self._orders, self.correlation_time)
+        return wheels
 
     @property
     def _orders(self) -> Orders | tuple[()]:
@@ -697,9 +713,7 @@ class Scene:
                 "state": self.start.state,
             }
         if self.wheels:
-            values = {
-                k: v for k, v in values.items() if k not in (*SHORT, "stages", "gap1", "gap2")
-            }
+            values = {k: v for k, v in values.items() if k not in (*SHORT, "stages")}
             values["wheels"] = [_as_table(wheel) for wheel in self.wheels]
         else:
             del values["wheels"]
@@ -874,6 +888,9 @@ def _read_wheel(data: object) -> Wheel:
 def _copy_with(part: Part, **changes: Any) -> Part:
     """A copy with changes that need no validation."""
     changed = copy(part)
+    if not changes.keys() <= UNRELATED:
+        for name in CACHED:
+            changed.__dict__.pop(name, None)
     changed.__dict__.update(changes)
     return changed
 
