@@ -7,8 +7,8 @@ number (``wheel.third.torque``, ``wheel.3.torque``, ``torque3``).
 
 import math
 import re
-from collections.abc import Iterable, Mapping
-from dataclasses import fields, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 from rattle.scene.errors import InputError, nearest, non_negative
@@ -16,19 +16,9 @@ from rattle.scene.gears import DRIVES, NUMBERED, check_typed, values_of
 from rattle.scene.gears_input import UNIT, read_drive
 from rattle.scene.loose_wheel import OF_MODEL, WHEEL_VALUE, kind_of_value, spell_value
 from rattle.scene.parts import Start, Tolerance, Wheel, move_to_flanks
-from rattle.scene.scene import SHORT, Scene
+from rattle.scene.scene import Scene
 from rattle.scene.types import state_names
 
-SCENE_PARTS = {"tolerance": Tolerance, "start": Start}
-SCENE_FIELDS = tuple(
-    [f.name for f in fields(Scene) if f.name not in (*SCENE_PARTS, "gears", "drive", "wheels")]
-    + [
-        f"{part}.{f.name}"
-        for part, kind in SCENE_PARTS.items()
-        for f in fields(kind)
-        if f.name != "state"
-    ]
-)
 ORDER_UNITS = {
     "amplitude": "",
     "amplitude_mm": "mm",
@@ -42,7 +32,6 @@ ORDER_FIELD = re.compile(rf"drive\.([1-9][0-9]*)\.({'|'.join(ORDER_UNITS)})")
 """A value of one order of the drive, such as ``drive.2.amplitude``."""
 DRAWN = {f"tolerance.backlash{mesh}": f"c{mesh}_max" for mesh in (1, 2)}
 """Tolerances of the backlashes as ``[gears.tolerance]`` has them, in mm, and their fields."""
-NOT_NUMBERS = ("stages", "start.mesh", "tolerance.distribution", "tolerance.draw")
 SWEPT = ("alpha", "epsilon", "beta1", "beta2", "gamma1", "gamma2", "mu", "gap1", "gap2", "sigma")
 """Fields of one or two wheels in a row that are a number each, over which a sweep may go."""
 # not of a single stage
@@ -82,37 +71,53 @@ def is_unit(scene: Scene, name: str) -> bool:
     return gears is not None and spell(scene, name) in ("omega", gears.name_of(1, "backlash"))
 
 
-def value_names(scene: Scene) -> tuple[str, ...]:
-    """All values of a scene that can be others, numbers and words, but for those of its gears."""
-    states = [f"start.{name}" for name in state_names(max(scene.stages, 2))]
-    names = [name for name in SCENE_FIELDS if name not in states]
+def numbers_of(scene: Scene) -> dict[str, float]:
+    """All numbers of a scene that can be others, by name: those of its gears as they were typed,
+    and those of the model."""
+    gears = scene.gears
+    numbers = {} if gears is None else values_of(gears)
     if scene.wheels:
-        short = (*SHORT, "stages", "tolerance.c1_max", "tolerance.c2_max")
-        names = [name for name in names if name not in short]
-        names += [f"wheel.{label}.{kind}" for label in scene.wheel_names for kind in OF_MODEL]
-    return (*names, *states)
+        names: Sequence[str] = ("alpha", "epsilon", "sigma")
+        for label, wheel in zip(scene.wheel_names, scene.tree, strict=True):
+            numbers |= {f"wheel.{label}.{kind}": getattr(wheel, kind) for kind in OF_MODEL}
+    else:
+        names = [name for name in SWEPT if scene.stages == 2 or name not in SECOND]
+        for number, wheel in enumerate(scene.tree, 1):
+            numbers[f"tolerance.c{number}_max"] = wheel.tolerance
+            if gears is not None:
+                drawn = 2.0 * wheel.tolerance * gears.units.length
+                numbers[f"tolerance.backlash{number}"] = drawn
+    numbers |= {name: getattr(scene, name) for name in (*names, "correlation_time")}
+    numbers["start.tau"] = scene.start.tau
+    states = zip(state_names(scene.stages), scene.start.values, strict=False)
+    return numbers | {f"start.{name}": value for name, value in states}
+
+
+def axis_names(scene: Scene) -> tuple[str, ...]:
+    """All values of a scene that an axis of a study may vary, numbers and words, but for orders of
+    the drive."""
+    others = () if scene.wheels else ("stages", *SECOND)
+    words = ("start.mesh", "tolerance.distribution", "tolerance.draw")
+    return (*numbers_of(scene), *words, *others)
 
 
 def parameter_names(scene: Scene) -> list[str]:
     """The numbers of a scene that are changed one at a time to see what each of them does: of its
     gears as they were typed, or of the model where it has none."""
     gears = scene.gears
-    if gears is None and scene.wheels:
-        of_wheels = [name for name in value_names(scene) if name.startswith("wheel.")]
-        names = ["alpha", *of_wheels, "sigma"]
-    elif gears is None:
-        names = [name for name in SWEPT if scene.stages == 2 or name not in SECOND]
-    else:
-        of_all = [
-            gears.name_of(number, "epsilon")
-            for number, wheel in enumerate(gears.wheels, 1)
-            if wheel.epsilon is None
-        ]
-        others = [name for name in values_of(gears) if name not in (*DRIVES, *of_all)]
-        if scene.stages == 1:
-            others = [name for name in others if name not in NUMBERED or name[-1] == "1"]
-        names = ["amplitude", *others, "sigma"]
-    return [*names, "correlation_time"]
+    if gears is None:
+        parts = ("tolerance.", "start.")
+        return [name for name in numbers_of(scene) if not name.startswith(parts)]
+    left_out = {
+        gears.name_of(number, "epsilon")
+        for number, wheel in enumerate(gears.wheels, 1)
+        if wheel.epsilon is None
+    }
+    if scene.stages == 1:
+        left_out |= {name for name in NUMBERED if name[-1] == "2"}
+    left_out |= set(DRIVES)
+    others = [name for name in values_of(gears) if name not in left_out]
+    return ["amplitude", *others, "sigma", "correlation_time"]
 
 
 def change(scene: Scene, changes: Mapping[str, Any]) -> Scene:
@@ -157,21 +162,24 @@ def change(scene: Scene, changes: Mapping[str, Any]) -> Scene:
 
 def _change_wheels(scene: Scene, changes: Mapping[str, Any]) -> tuple[Wheel, ...]:
     """The wheels of the model with other values, by ``third.gamma``."""
-    wheels = dict(zip(scene.wheel_names, scene.wheels, strict=True))
+    wheels = dict(zip(scene.wheel_names if scene.wheels else (), scene.wheels, strict=True))
     for name, value in changes.items():
         label, _, kind = name.partition(".")
+        if label not in wheels:
+            name = f"wheel.{name}"
+            raise InputError("scene", name, _remedy(scene, name))
         wheels[label] = replace(wheels[label], **{kind: value})
     return tuple(wheels.values())
 
 
 def _change_start(start: Start, changes: Mapping[str, Any]) -> Start:
     """A start with other values, also of a wheel beyond the second."""
-    if not start.state:
+    if not start.state or "state" in changes:
         return replace(start, **changes)
-    values = dict(zip(state_names(len(start.state) // 2), start.state, strict=True))
-    state = {name: value for name, value in changes.items() if name in values}
-    others = {name: value for name, value in changes.items() if name not in values}
-    return replace(start, state=tuple((values | state).values()), **others)
+    names = state_names(len(start.state) // 2)
+    state = tuple(changes.get(n, value) for n, value in zip(names, start.state, strict=True))
+    others = {name: value for name, value in changes.items() if name not in names}
+    return replace(start, state=state, **others)
 
 
 def _change_orders(scene: Scene, orders: Mapping[int, Mapping[str, Any]]) -> Any:
@@ -189,47 +197,30 @@ def find_value(scene: Scene, name: str, asked: str) -> float:
     """A number of a scene by its name; refused as an entry of what was asked, if there is none."""
     given = name
     name = spell(scene, name)
-    of_gears = {} if scene.gears is None else values_of(scene.gears)
-    if name in of_gears:
-        return of_gears[name]
+    numbers = numbers_of(scene)
+    if name in numbers:
+        return float(numbers[name])
     if order := ORDER_FIELD.fullmatch(name):
         return _find_in_order(scene, int(order[1]), order[2])
-    if scene.gears is not None and name in DRAWN and not scene.wheels:
-        drawn = getattr(scene.tolerance, DRAWN[name], 0.0)
-        return 2.0 * drawn * scene.gears.units.length
-    names = value_names(scene)
-    if scene.gears is not None and name not in names:
+    if scene.gears is not None:
         check_typed(scene.gears, name, asked)
-    excluded = (*NOT_NUMBERS, *(SECOND if scene.stages == 1 else ()))
-    numbers = [*of_gears, *(known for known in names if known not in excluded)]
-    if name not in numbers:
-        raise InputError(asked, given, _remedy(scene, given, numbers))
-    part, _, field = name.partition(".")
-    if part == "wheel":
-        label, _, kind = field.partition(".")
-        return float(getattr(scene.tree[scene.wheel_names.index(label)], kind))
-    if part == "start" and field in (states := state_names(len(scene.start.values) // 2)):
-        return scene.start.values[states.index(field)]
-    value: Any = scene
-    for field in name.split("."):
-        value = getattr(value, field, 0.0)  # without a tolerance its parts are 0
-    return float(value)
+    raise InputError(asked, given, _remedy(scene, given))
 
 
-def _remedy(scene: Scene, name: str, numbers: Iterable[str]) -> str:
+def _remedy(scene: Scene, name: str) -> str:
     """What to write in place of a name that no number of a scene has: of values of wheels those of
     the one that was named, or of the first."""
-    labels = {str(number): label for number, label in enumerate(scene.wheel_names, 1)}
-    labels |= {label: label for label in scene.wheel_names}
-    shown = scene.wheel_names[0]
+    labels = scene.wheel_names
+    shown = labels[0]
     if name.startswith("wheel."):
-        label = name.split(".")[1]
-        if label not in labels:
-            return f"no wheel has this name; {nearest(label, scene.wheel_names)}"
-        shown = labels[label]
+        shown = name.split(".")[1]
+        if shown.isdecimal() and 0 < int(shown) <= len(labels):
+            shown = labels[int(shown) - 1]
+        if shown not in labels:
+            return f"no wheel has this name; {nearest(shown, labels)}"
     prefix = f"wheel.{shown}."
-    names = [known for known in numbers if known.startswith(prefix) or known[:6] != "wheel."]
-    return nearest(name, dict.fromkeys(names))
+    numbers = numbers_of(scene)
+    return nearest(name, [n for n in numbers if n.startswith(prefix) or n[:6] != "wheel."])
 
 
 def _find_in_order(scene: Scene, number: int, field: str) -> float:

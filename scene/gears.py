@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import InitVar, dataclass, fields, replace
 from typing import Any, ClassVar
 
-from rattle.scene.drag import DRAG_TABLES, DragTable, drag_at, read_drag
+from rattle.scene.drag import DRAG_TABLES, DragTable, drag_at
 from rattle.scene.errors import (
     InputError,
     check_keys,
@@ -21,8 +21,9 @@ from rattle.scene.loose_wheel import (
     ratios_of,
     read_wheels,
     spell_value,
+    value_name,
 )
-from rattle.scene.parts import Wheel, find_parents, wheel_labels
+from rattle.scene.parts import Wheel, are_given, find_parents, wheel_labels
 from rattle.scene.text import as_call
 from rattle.scene.units import Units
 
@@ -129,6 +130,8 @@ class Gears:
     origin: InitVar["Gears | None"] = None
 
     Wheel: ClassVar[type[LooseWheel]] = LooseWheel
+    tree: ClassVar[tuple[LooseWheel, ...]] = ()
+    """The loose wheels of an instance, in either form; torques are those at the mean speed."""
     # of an instance what `driven` was given in place of a field's value
     _typed: ClassVar[dict[str, Any]] = {}
     ELSEWHERE = dict.fromkeys(
@@ -136,61 +139,40 @@ class Gears:
     )
 
     def __post_init__(self, origin: "Gears | None") -> None:
-        is_copy = origin is not None
-        values = self._read_wheels(is_copy) if len(self.wheels) else self._read_numbered()
+        given = {name: getattr(self, name) for name in NUMBERED}
+        has_wheels = are_given(self.wheels)
+        if has_wheels:
+            tree = read_wheels(self.wheels)
+            values: dict[str, Any] = {"wheels": tree}
+            for name, value in given.items():
+                if value is not None:
+                    why = "belongs to gears without wheels; give it with each wheel"
+                    raise InputError(name, value, why)
+        else:
+            tree = read_wheels(_numbered_wheels(given), named=False)
+            values = {name: check_value(name, v) for name, v in given.items() if v is not None}
+            for number, wheel in enumerate(tree, 1):
+                values |= {f"{kind}{number}": getattr(wheel, kind) for kind in WHEEL_KINDS}
+        if has_wheels:
+            values["epsilon"] = _common_epsilon(tree, self.epsilon)
         for name in ("alpha", "epsilon", "omega"):
-            values.setdefault(name, check_value(name, getattr(self, name)))
+            values[name] = check_value(name, values.get(name, getattr(self, name)))
         for name, value in values.items():
             object.__setattr__(self, name, value)
+        object.__setattr__(self, "tree", tree)
         if origin is not None:
             self._keep_typed(origin)
+        else:
+            self._check_complete()
         object.__setattr__(self, "origin", self)
 
-    def _read_wheels(self, is_copy: bool) -> dict[str, Any]:
-        """The checked wheels, and a restitution where each has its own.
-
-        `is_copy`: whether tables of drag are read at the speed of an original, and the driver's
-        radius is its.
-        """
-        for name in NUMBERED:
-            if getattr(self, name) is not None:
-                why = "belongs to gears without wheels; give it with each wheel"
-                raise InputError(name, getattr(self, name), why)
-        wheels = read_wheels(self.wheels)
-        for label, wheel in zip(wheel_labels(wheels), wheels, strict=True):
-            if wheel.torque_over_rpm is not None and not is_copy:
-                place = f"wheel.{label}.torque_over_rpm"
-                raise InputError(place, wheel.torque_over_rpm, self.ELSEWHERE["speed_rpm"])
-            if wheel.epsilon is None and self.epsilon is None:
-                raise InputError("epsilon", None, f"give it, or wheel {label} one of its own")
-        if not is_copy:
-            ratios_of(wheels)  # there are radii for these
-        values: dict[str, Any] = {"wheels": wheels}
-        if all(wheel.epsilon is not None for wheel in wheels):
-            values["epsilon"] = wheels[0].epsilon
-        return values
-
-    def _read_numbered(self) -> dict[str, float]:
-        """The checked values of one or two wheels in a row."""
-        given = [name for name in WHEEL2 if getattr(self, name) is not None]
-        if len(given) == 1:
-            other = WHEEL2[1 - WHEEL2.index(given[0])]
-            raise InputError(
-                other, None, f"goes with {given[0]}; leave out both where there is no wheel 2"
-            )
-        left_out = {"damping1": 0.0, "torque1": 0.0}
-        if given:
-            for kind in ("backlash", "damping", "torque"):
-                first = getattr(self, f"{kind}1")
-                left_out[f"{kind}2"] = left_out.get(f"{kind}1", 0.0) if first is None else first
-        values = {}
-        for name in NUMBERED:
-            value = getattr(self, name)
-            if value is None:
-                value = left_out.get(name)
-            if given or name[-1] != "2" or value is not None:
-                values[name] = check_value(name, value)
-        return values
+    def _check_complete(self) -> None:
+        """Refuse what needs the driver's speed or radius, which `driven` takes."""
+        for number, wheel in enumerate(self.tree, 1):
+            if wheel.torque_over_rpm is not None:
+                name = self.name_of(number, "torque_over_rpm")
+                raise InputError(name, wheel.torque_over_rpm, self.ELSEWHERE["speed_rpm"])
+        ratios_of(self.tree)
 
     def _keep_typed(self, origin: "Gears") -> None:
         """Derive again what was derived in the gears that these are a changed copy of."""
@@ -224,28 +206,13 @@ class Gears:
         return {name: values[name] for name in shown if values.get(name) not in (None, ())}
 
     @property
-    def tree(self) -> tuple[LooseWheel, ...]:
-        """The loose wheels, in whatever form they were given; torques are those at the mean
-        speed."""
-        if self.wheels:
-            return self.wheels
-        numbers = range(1, 2 if self.inertia2 is None else 3)
-        return tuple(
-            LooseWheel(
-                meshes=number - 1,
-                **{kind: getattr(self, f"{kind}{number}") for kind in WHEEL_KINDS},
-            )
-            for number in numbers
-        )
-
-    @property
     def wheel_names(self) -> tuple[str, ...]:
         """What a person calls each wheel: its name, or its number."""
         return wheel_labels(self.tree)
 
     def name_of(self, number: int, kind: str) -> str:
         """The name of a value of a wheel: ``torque1``, or ``wheel.third.torque``."""
-        return f"wheel.{self.wheel_names[number - 1]}.{kind}" if self.wheels else f"{kind}{number}"
+        return value_name(self.wheel_names, number, kind, bool(self.wheels))
 
     @classmethod
     def driven(
@@ -292,9 +259,8 @@ class Gears:
         Raises
         ------
         InputError
-            Unless the drive is given in just one way, or if a value has no physical meaning, or a
-            speed comes without `driver_radius`, or a table of drag without a speed or for another
-            one.
+            Unless the drive is given in just one way, or if a value has no physical meaning, or for
+            a speed without `driver_radius`, or a table of drag without a speed.
 
         Examples
         --------
@@ -336,46 +302,43 @@ class Gears:
         speeds = [name for name in SPEEDS if name in typed]
         if len(speeds) == 2:
             raise InputError("gears", speeds, "give the mean speed of the driver once")
-        radius: Any = typed.get("driver_radius")
-        has_wheels = len(values.get("wheels", ())) > 0
+        has_wheels = are_given(values.get("wheels", ()))
+        given_tables = {name: table for name, table in tables.items() if table is not None}
         if has_wheels:
-            typed["wheels"] = read_wheels(values["wheels"])
-            values["wheels"] = _share_radius(typed["wheels"], radius)
-            radius = values["wheels"][0].parent_radius
+            for name, table in given_tables.items():
+                raise InputError(name, table, "give each wheel its own torque_over_rpm")
+            wheels = read_wheels(values["wheels"])
+            typed["wheels"] = wheels
+            wheels = _share_radius(wheels, typed.get("driver_radius"))
+            radius: Any = wheels[0].parent_radius
+        else:
+            wheels = read_wheels(_numbered_wheels(values | given_tables), named=False)
+            radius = typed.get("driver_radius")
         _check_radius(radius, typed, has_wheels)
         amplitude = typed.get("amplitude")
         if "amplitude_rad" in typed:
             amplitude = radius * non_negative("amplitude_rad", typed["amplitude_rad"])
         if amplitude is not None:
-            non_negative("amplitude", amplitude)
-            values["alpha"] = amplitude / _first_backlash(values)
-        read = _drag_tables(tables, values, bool(speeds))
-        if has_wheels:
-            if speeds:
-                names = [
-                    f"wheel.{label}.torque_over_rpm" for label in wheel_labels(values["wheels"])
-                ]
-                torques = _mean_drag(values["wheels"], names, typed, radius)
-                values["wheels"] = tuple(
-                    replace(wheel, torque=torque, torque_over_rpm=None)
-                    for wheel, torque in zip(values["wheels"], torques, strict=True)
-                )
-            gears = cls(**values)
+            values["alpha"] = non_negative("amplitude", amplitude) / wheels[0].backlash
+        names = [
+            value_name(wheel_labels(wheels), number, "torque_over_rpm", has_wheels)
+            for number in range(1, len(wheels) + 1)
+        ]
+        if speeds:
+            braked = _brake(wheels, names, typed, radius)
         else:
-            gears = cls(**values)
-            if speeds:
-                names = list(DRAG_TABLES)[: len(gears.tree)]
-                wheels = tuple(
-                    replace(wheel, torque_over_rpm=read.get(name))
-                    for name, wheel in zip(names, gears.tree, strict=True)
-                )
-                for name, wheel in zip(names, wheels, strict=True):
-                    torque = None if name in read else wheel.torque  # the table says it
-                    typed[DRAG_TABLES[name]] = torque
-                torques = _mean_drag(wheels, names, typed, radius)
-                of_wheels = {DRAG_TABLES[n]: v for n, v in zip(names, torques, strict=True)}
-                gears = cls(**values | of_wheels)
-        object.__setattr__(gears, "_typed", read | typed)
+            braked = wheels
+            _check_no_tables(wheels, names)
+        if has_wheels:
+            values["wheels"] = braked
+        elif speeds:
+            tables = {name: w.torque_over_rpm for name, w in zip(names, wheels, strict=True)}
+            typed = tables | typed
+            for name, wheel, after in zip(names, wheels, braked, strict=True):
+                typed[DRAG_TABLES[name]] = wheel.torque
+                values[DRAG_TABLES[name]] = after.torque
+        gears = cls(**values)
+        object.__setattr__(gears, "_typed", typed)
         return gears
 
     def sigma_from(
@@ -615,16 +578,39 @@ def change_gears(gears: Gears, changes: Mapping[str, Any]) -> Gears:
     if drives:
         values = drive_by(values, drives[0], changes[drives[0]])
     elif "alpha" in values and gears.name_of(1, "backlash") in changes:
-        values["alpha"] = gears.amplitude / _first_backlash(values)
+        first = gears.name_of(1, "backlash")
+        values["alpha"] = gears.amplitude / check_value(first, changes[first])
     return Gears.driven(**values)
 
 
-def _first_backlash(values: Mapping[str, Any]) -> float:
-    """The backlash of mesh 1 among the values of gears, the unit of length; 1 where it is missing,
-    which is refused elsewhere."""
-    if len(values.get("wheels", ())):
-        return float(values["wheels"][0].backlash)
-    return check_value("backlash1", values.get("backlash1", 1.0))
+def _numbered_wheels(values: Mapping[str, Any]) -> tuple[LooseWheel, ...]:
+    """One or two wheels in a row from numbered values; None is left out."""
+    given = [name for name in WHEEL2 if values.get(name) is not None]
+    if len(given) == 1:
+        other = WHEEL2[1 - WHEEL2.index(given[0])]
+        why = f"goes with {given[0]}; leave out both where there is no wheel 2"
+        raise InputError(other, None, why)
+    table2 = values.get("torque2_over_rpm")
+    if table2 is not None and not given:
+        why = "belongs to wheel 2, which these gears do not have"
+        raise InputError("torque2_over_rpm", table2, why)
+    wheels = []
+    for number in range(1, 3 if given else 2):
+        of_wheel: dict[str, Any] = {
+            kind: values.get(value_name((), number, kind, named=False))
+            for kind in (*WHEEL_KINDS, "torque_over_rpm")
+        }
+        wheels.append(LooseWheel(meshes=number - 1, **of_wheel))
+    return tuple(wheels)
+
+
+def _common_epsilon(wheels: Sequence[LooseWheel], epsilon: float | None) -> float | None:
+    """The restitution of gears: that of the first wheel where each has its own."""
+    without = [number for number, wheel in enumerate(wheels) if wheel.epsilon is None]
+    if without and epsilon is None:
+        label = wheel_labels(wheels)[without[0]]
+        raise InputError("epsilon", None, f"give it, or wheel {label} one of its own")
+    return epsilon if without else wheels[0].epsilon
 
 
 def _share_radius(wheels: tuple[LooseWheel, ...], radius: float | None) -> tuple[LooseWheel, ...]:
@@ -657,10 +643,10 @@ def _check_radius(radius: float | None, typed: Mapping[str, Any], has_wheels: bo
         check_value("driver_radius", radius)
 
 
-def _mean_drag(
+def _brake(
     wheels: Sequence[LooseWheel], names: Sequence[str], typed: Mapping[str, Any], radius: float
-) -> tuple[float, ...]:
-    """Torques on wheels at the driver's mean speed, with what their damping takes there.
+) -> tuple[LooseWheel, ...]:
+    """Wheels with their torques at the driver's mean speed, and what their damping takes there.
 
     `names`: of the tables of drag over speed.  `typed`: what `Gears.driven` was given.
     """
@@ -669,40 +655,25 @@ def _mean_drag(
     # mean speed of the driver's pitch circle, mm/s
     rim = radius * SPEEDS[name] * non_negative(name, speed)
     rpm = speed * (SPEEDS[name] / SPEEDS["speed_rpm"])
-    torques = []
+    braked = []
     for name, wheel, turn in zip(names, wheels, ratios_of(wheels)[1], strict=True):
         torque = wheel.torque
         if wheel.torque_over_rpm is not None:
+            if torque is not None:
+                why = f"{name} is given too; keep one of them"
+                raise InputError(name.removesuffix("_over_rpm"), torque, why)
             torque = drag_at(name, wheel.torque_over_rpm, rpm)
-        torques.append(torque + wheel.damping * rim * turn / wheel.radius)
-    return tuple(torques)
+        torque += wheel.damping * rim * turn / wheel.radius
+        braked.append(replace(wheel, torque=torque, torque_over_rpm=None))
+    return tuple(braked)
 
 
-def _drag_tables(
-    given: Mapping[str, object], values: dict[str, Any], has_speed: bool
-) -> dict[str, DragTable]:
-    """The tables of drag over speed by name; of wheel 2 that of wheel 1 where it has no drag of its
-    own."""
-    tables = {name: read_drag(name, points) for name, points in given.items() if points is not None}
-    has_wheel2 = values.get("inertia2") is not None
-    with_each = [wheel for wheel in values.get("wheels", ()) if wheel.torque_over_rpm is not None]
-    for name in (*tables, *["torque_over_rpm"][: len(with_each)]):
-        if not has_speed:
+def _check_no_tables(wheels: Sequence[LooseWheel], names: Sequence[str]) -> None:
+    """Refuse drag over the driver's speed where there is none."""
+    for name, wheel in zip(names, wheels, strict=True):
+        if wheel.torque_over_rpm is not None:
             why = f"give it, and driver_radius: {name} is read at the driver's mean speed"
             raise InputError("speed_rpm", None, why)
-    for name in tables:
-        torque = DRAG_TABLES[name]
-        if values.get(torque) is not None:
-            raise InputError(torque, values[torque], f"{name} is given too; keep one of them")
-        if len(values.get("wheels", ())):
-            raise InputError(name, tables[name], "give each wheel its own torque_over_rpm")
-        if torque == "torque2" and not has_wheel2:
-            why = "belongs to wheel 2, which these gears do not have"
-            raise InputError(name, tables[name], why)
-    name1, name2 = DRAG_TABLES
-    if name1 in tables and name2 not in tables and has_wheel2 and values.get("torque2") is None:
-        tables[name2] = tables[name1]
-    return tables
 
 
 def drive_by(values: dict[str, Any], name: str, amplitude: float) -> dict[str, Any]:

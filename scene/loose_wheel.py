@@ -115,11 +115,18 @@ def check_value(name: str, value: object) -> float:
     return number
 
 
+def value_name(labels: Sequence[str], number: int, kind: str, named: bool) -> str:
+    """The name of a value of a wheel: ``wheel.third.torque``, or ``torque2`` where not `named`."""
+    if named:
+        return f"wheel.{labels[number - 1]}.{kind}"
+    first, rest = (kind, "") if kind != "torque_over_rpm" else ("torque", "_over_rpm")
+    return f"{first}{number}{rest}"
+
+
 def spell_value(name: str, labels: Sequence[str], named: bool) -> str:
     """The name of a value of a wheel as its scene or gears have it; any other name as it is.
 
-    `labels`: of the wheels.  `named`: whether values are ``wheel.third.torque`` there, and not
-    ``torque2``.
+    `labels`: of the wheels.  `named`: as `value_name` has it.
     """
     value = WHEEL_VALUE.fullmatch(name)
     if value is None or bool(value[1]) == bool(value[3]):
@@ -127,51 +134,56 @@ def spell_value(name: str, labels: Sequence[str], named: bool) -> str:
     numbers = {str(number): number for number in range(1, len(labels) + 1)}
     numbers |= {label: number for number, label in enumerate(labels, 1)}
     number = numbers.get(value[1] or value[3])
-    if number is None:
-        return name
-    return f"wheel.{labels[number - 1]}.{value[2]}" if named else f"{value[2]}{number}"
+    return name if number is None else value_name(labels, number, value[2], named)
 
 
-def read_wheels(given: object) -> tuple[LooseWheel, ...]:
-    """Loose wheels from a list of them or of their tables, checked; what is left out is filled
-    in."""
+def read_wheels(given: object, named: bool = True) -> tuple[LooseWheel, ...]:
+    """Loose wheels from a list of them or of their tables, checked; what is left out is filled in.
+
+    `named`: as `value_name` has it, for errors.
+    """
     if isinstance(given, str | Mapping) or not isinstance(given, Sequence):
         raise InputError("wheels", given, "give a sequence; in a file, a table [[wheel]] for each")
-    wheels = tuple(_as_wheel(one, number) for number, one in enumerate(given, 1))
+    wheels = [_as_wheel(one, number) for number, one in enumerate(given, 1)]
     find_parents(wheels, "meshes")
-    labels = wheel_labels(wheels)
     first = wheels[0]
-    drag = (
-        (0.0 if first.torque_over_rpm is None else None) if first.torque is None else first.torque
-    )
-    complete = []
-    for label, wheel in zip(labels, wheels, strict=True):
-        place = f"wheel.{label}."
-        if wheel.torque is not None and wheel.torque_over_rpm is not None:
-            why = "torque_over_rpm is given too; keep one of them"
-            raise InputError(f"{place}torque", wheel.torque, why)
-        left_out: dict[str, Any] = {
-            "backlash": first.backlash,
-            "damping": 0.0 if first.damping is None else first.damping,
-        }
-        if wheel.torque_over_rpm is None:
-            left_out["torque"] = drag
-            if wheel.torque is None and drag is None:
-                left_out["torque_over_rpm"] = first.torque_over_rpm
-        changed = {name: v for name, v in left_out.items() if getattr(wheel, name) is None}
-        wheel = replace(wheel, **changed)
-        checked: dict[str, Any] = {
-            kind: check_value(f"{place}{kind}", getattr(wheel, kind))
-            for kind in (*WHEEL_KINDS, *OPTIONAL_KINDS)
-            if getattr(wheel, kind) is not None or kind == "backlash"
-        }
-        if wheel.torque_over_rpm is not None:
-            checked["torque_over_rpm"] = read_drag(f"{place}torque_over_rpm", wheel.torque_over_rpm)
-        if checked["backlash_tolerance"] >= checked["backlash"]:
-            why = f"must be below backlash = {wheel.backlash:g} mm, or a gap could close"
-            raise InputError(f"{place}backlash_tolerance", wheel.backlash_tolerance, why)
-        complete.append(replace(wheel, **checked))
-    return tuple(complete)
+    if first.torque is None and first.torque_over_rpm is None:
+        first = replace(first, torque=0.0)
+    if first.damping is None:
+        first = replace(first, damping=0.0)
+    labels = wheel_labels(wheels)
+    for number, wheel in enumerate(wheels, 1):
+        names = {kind: value_name(labels, number, kind, named) for kind in WHEEL_FIELDS}
+        wheels[number - 1] = _check_wheel(_complete(wheel, first), names)
+    return tuple(wheels)
+
+
+def _complete(wheel: LooseWheel, first: LooseWheel) -> LooseWheel:
+    """A wheel with what it leaves out as the first one has it."""
+    left_out = ["backlash", "damping"]
+    if wheel.torque is None and wheel.torque_over_rpm is None:
+        left_out += ["torque", "torque_over_rpm"]
+    values = {kind: getattr(first, kind) for kind in left_out if getattr(wheel, kind) is None}
+    return replace(wheel, **values)
+
+
+def _check_wheel(wheel: LooseWheel, names: Mapping[str, str]) -> LooseWheel:
+    """A wheel with its values checked, as floats."""
+    checked: dict[str, Any] = {}
+    for kind in (*WHEEL_KINDS, *OPTIONAL_KINDS):
+        value = getattr(wheel, kind)
+        needed = kind not in ("parent_radius", "epsilon")
+        if kind == "torque":
+            needed = wheel.torque_over_rpm is None
+        if needed or value is not None:
+            checked[kind] = check_value(names[kind], value)
+    if wheel.torque_over_rpm is not None:
+        table = read_drag(names["torque_over_rpm"], wheel.torque_over_rpm)
+        checked["torque_over_rpm"] = table
+    if checked["backlash_tolerance"] >= checked["backlash"]:
+        why = f"must be below backlash = {wheel.backlash:g} mm, or a gap could close"
+        raise InputError(names["backlash_tolerance"], wheel.backlash_tolerance, why)
+    return replace(wheel, **checked)
 
 
 def _as_wheel(given: object, number: int) -> LooseWheel:

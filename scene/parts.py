@@ -3,7 +3,7 @@ paths."""
 
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Sequence, Sized
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
@@ -123,6 +123,11 @@ class Wheel:
             unit_interval("wheel.epsilon", self.epsilon)
 
 
+def are_given(wheels: object) -> bool:
+    """Whether wheels are given, rightly or wrongly."""
+    return not isinstance(wheels, Sized) or len(wheels) > 0
+
+
 def wheel_labels(wheels: Sequence[Any]) -> tuple[str, ...]:
     """What a person calls each of some wheels: its name, or its number."""
     return tuple(wheel.name or str(number) for number, wheel in enumerate(wheels, 1))
@@ -139,7 +144,7 @@ def find_parents(wheels: Sequence[Any], field: str) -> tuple[int, ...]:
     numbers = {DRIVER: 0}
     for number, wheel in enumerate(wheels, 1):
         place = f"wheel.{number}.name"
-        if not wheel.name:
+        if wheel.name == "":
             continue
         if not isinstance(wheel.name, str) or not WHEEL_NAME.fullmatch(wheel.name):
             why = "write a letter, and up to 23 letters, digits, - or _ after it"
@@ -324,7 +329,9 @@ class Start:
 
     def _take_state(self) -> None:
         """Check a state that is given as a whole; one of two wheels becomes the four numbers."""
-        if not len(self.state):
+        if not isinstance(self.state, Sequence) or isinstance(self.state, str):
+            raise InputError("start.state", self.state, "give x and y of each wheel in turn")
+        if not self.state:
             return
         given = [finite("start.state", value) for value in self.state]
         if len(given) % 2 or len(given) > 2 * MOST_WHEELS:

@@ -160,7 +160,7 @@ class Scene:
             raise InputError("wheels", self.wheels, "give a sequence of Wheel")
         if self.gears is not None:
             self._check_gears()
-        if len(self.wheels):
+        if self.wheels:
             self._take_wheels()
         else:
             object.__setattr__(self, "stages", errors.count("stages", self.stages, 1, 2))
@@ -631,7 +631,7 @@ class Scene:
     @cached_property
     def _compiled_wheels(self) -> Wheels:
         """The wheels for compiled code, which only reads them."""
-        # here, since it loads numba
+        # here, for it loads numba, which --help has no use for
         from rattle.scene.wheel import complete_wheels
 
         fixed = self.tolerance is not None and self.tolerance.distribution == "fixed"

@@ -65,9 +65,8 @@ def rattle_threshold(scene: Scene) -> tuple[RattleThreshold, ...]:
       gamma1 + mu gamma2`` and ``(1 - mu) beta1 + mu beta2``.  What wheel 1 must have is stated for
       a wheel 2 that has its own threshold or more.
 
-    So it is in any gearbox: at each mesh the driver's part of the motion is larger by the ratio of
-    the radii on the way, all that is driven through the mesh is one body, and what a wheel must
-    have is stated for wheels behind it that have their own threshold or more.
+    So it is in any gearbox, with the ratios of the radii on the way: all that is driven through a
+    mesh is one body, and wheels behind it have their own threshold or more.
 
     For ``f = sin`` the maximum is ``sqrt(1 + beta^2)``: the torque ``I amplitude omega^2 sqrt(1 +
     beta^2) / R``.  Below the threshold there is no rest.  Above it a motion that is at rest stays

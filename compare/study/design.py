@@ -29,9 +29,9 @@ from rattle.scene import (
     nearest,
     positive,
 )
-from rattle.scene.changes import DRAWN, ORDER_FIELD, change, is_unit, spell, value_names
+from rattle.scene.changes import ORDER_FIELD, axis_names, change, is_unit, spell
 from rattle.scene.files import in_file, read_text, read_toml
-from rattle.scene.gears import check_typed, values_of
+from rattle.scene.gears import check_typed
 from rattle.scene.gears_input import GEAR_FIELDS, OPTIONAL, check_plausible
 from rattle.scene.numpy_errors import numpy_defaults
 from rattle.scene.scene import TABLES
@@ -68,8 +68,7 @@ def read_axes(tables: Sequence[Mapping[str, Any]], scene: Scene) -> tuple[Axis, 
     equally many values.
     """
     gears = scene.gears
-    of_gears = () if gears is None else (*values_of(gears), *(() if scene.wheels else DRAWN))
-    valid = (*value_names(scene), *SETTING_NAMES, *of_gears)
+    valid = (*axis_names(scene), *SETTING_NAMES)
     axes: list[Axis] = []
     if not isinstance(tables, list | tuple):
         raise InputError("axes", tables, "write each axis as a table [[axes]]")
