@@ -215,7 +215,7 @@ def plan_of(
         why = "give a mapping from names to sequences of mesh * side"
         raise InputError("record.itineraries", record.itineraries, why)
     named = {
-        name: _check_itinerary(name, itinerary, impacts)
+        name: _check_itinerary(name, itinerary, impacts, scene.stages)
         for name, itinerary in record.itineraries.items()
     }
     plan = Plan(
@@ -238,7 +238,7 @@ def plan_of(
         two_point=two_point,
         energy=record.energy,
     )
-    named[NOISE_FREE] = tuple(exact_orbit(plan)[:, 6].astype(int).tolist())
+    named[NOISE_FREE] = tuple(exact_orbit(plan)[:, -1].astype(int).tolist())
     return plan._replace(apart=_longest(named)) if record.on_itinerary else plan
 
 
@@ -261,8 +261,8 @@ def begins(itinerary: Sequence[int], other: Sequence[int]) -> bool:
 def exact_orbit(plan: Plan) -> Floats:
     """The noise-free path by exact flights, whatever the scheme of the plan.
 
-    Rows ``tau, flight, x1, y1, x2, y2, mesh * side`` of each impact, shape (impacts, 7); 0 after
-    the last one.
+    Rows ``tau, flight, x1, y1, ..., mesh * side`` of each impact, shape (impacts, 3 + 2 wheels); 0
+    after the last one.
     """
     step = min(SCHEMES[EXACT_SCHEME].step, accurate_flight(plan.scene)[0])
     return noise_free_path(
@@ -308,10 +308,12 @@ def _fixed_steps(scene: Scene, times: Sequence[float] | Floats, dt: float, horiz
     return np.unique(np.array(steps, dtype=np.int64))
 
 
-def _check_itinerary(name: str, itinerary: Sequence[int], impacts: int) -> tuple[int, ...]:
+def _check_itinerary(
+    name: str, itinerary: Sequence[int], impacts: int, wheels: int
+) -> tuple[int, ...]:
     field = f"record.itineraries[{name!r}]"
     if name == NOISE_FREE:
         raise InputError("record.itineraries", name, "this name is taken by the noise-free path")
     if not isinstance(itinerary, Sized) or len(itinerary) != impacts:
         raise InputError(field, itinerary, f"needs one entry for each of {impacts} impacts")
-    return tuple(count(field, code, least=-2, most=2) for code in itinerary)
+    return tuple(count(field, code, least=-wheels, most=wheels) for code in itinerary)

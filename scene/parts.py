@@ -2,8 +2,10 @@
 paths."""
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+import re
+from collections.abc import Sequence, Sized
+from dataclasses import asdict, dataclass, replace
+from typing import Any
 
 from rattle.scene.errors import (
     InputError,
@@ -11,11 +13,13 @@ from rattle.scene.errors import (
     choice,
     count,
     finite,
+    nearest,
     non_negative,
     positive,
     suggesting,
     unit_interval,
 )
+from rattle.scene.text import as_call
 from rattle.scene.types import CUT, state_names
 
 _edge = math.exp(-0.5 * CUT**2) / math.sqrt(2.0 * math.pi)
@@ -43,6 +47,10 @@ LARGEST_BETA = 1e4
 LARGEST_RATE = 1e6  # of excitation, drag and noise
 MASSES = (1e-6, 1e6)  # of a wheel over that of wheel 1
 RATIOS = (1e-3, 1e3)
+DRIVER = "driver"
+"""What wheels may call the driver, which has the number 0."""
+# as a part of a name of a value (wheel.third.torque) and in the label of a column
+WHEEL_NAME = re.compile(r"[^\W\d_][\w-]{0,23}")
 
 
 @suggesting
@@ -72,7 +80,8 @@ class Wheel:
         Largest deviation of its half gap, below `gap`; how it is drawn is in the scene's
         `Tolerance`.
     name : str
-        What tables and figures call it; by default its number.
+        What tables and figures call it; by default its number.  A letter, and up to 23 letters,
+        digits, ``-`` or ``_`` after it.
 
     Raises
     ------
@@ -112,6 +121,58 @@ class Wheel:
         if self.epsilon is not None:
             object.__setattr__(self, "epsilon", finite("wheel.epsilon", self.epsilon))
             unit_interval("wheel.epsilon", self.epsilon)
+
+
+def are_given(wheels: object) -> bool:
+    """Whether wheels are given, rightly or wrongly."""
+    return not isinstance(wheels, Sized) or len(wheels) > 0
+
+
+def wheel_labels(wheels: Sequence[Any]) -> tuple[str, ...]:
+    """What a person calls each of some wheels: its name, or its number."""
+    return tuple(wheel.name or str(number) for number, wheel in enumerate(wheels, 1))
+
+
+def find_parents(wheels: Sequence[Any], field: str) -> tuple[int, ...]:
+    """The number of each wheel's parent, 0 for the driver; checks the names of the wheels.
+
+    `field`: of a wheel, the number or the name of its parent.
+    """
+    if len(wheels) > MOST_WHEELS:
+        raise InputError("wheels", len(wheels), f"at most {MOST_WHEELS} wheels")
+    labels = wheel_labels(wheels)
+    numbers = {DRIVER: 0}
+    for number, wheel in enumerate(wheels, 1):
+        place = f"wheel.{number}.name"
+        if wheel.name == "":
+            continue
+        if not isinstance(wheel.name, str) or not WHEEL_NAME.fullmatch(wheel.name):
+            why = "write a letter, and up to 23 letters, digits, - or _ after it"
+            raise InputError(place, wheel.name, why)
+        if wheel.name in numbers:
+            why = (
+                "is the name of the driver" if wheel.name == DRIVER else "two wheels have this name"
+            )
+            raise InputError(place, wheel.name, f"{why}; rename one")
+        numbers[wheel.name] = number
+    parents = []
+    for number, wheel in enumerate(wheels, 1):
+        place = f"wheel.{labels[number - 1]}.{field}"
+        given = getattr(wheel, field)
+        if isinstance(given, str) and given not in numbers:
+            why = f"no wheel has this name; {nearest(given, numbers)}"
+            raise InputError(place, given, why)
+        parent = numbers[given] if isinstance(given, str) else count(place, given, least=0)
+        if parent > len(wheels):
+            raise InputError(place, given, f"there are {len(wheels)} wheels; 0 is the driver")
+        if parent >= number:
+            why = (
+                f"wheel {labels[number - 1]} must stand after the wheel that it meshes with, and no"
+                " wheel may mesh with itself in a circle"
+            )
+            raise InputError(place, given, why)
+        parents.append(parent)
+    return tuple(parents)
 
 
 @suggesting
@@ -157,20 +218,6 @@ class Tolerance:
             )
         choice("tolerance.distribution", self.distribution, UNIT_VARIANCE)
         choice("tolerance.draw", self.draw, DRAWS)
-
-    @property
-    def differs_by_set(self) -> bool:
-        """Whether every gear set has backlashes of its own, for good."""
-        drawn_once = self.draw == "path" and self.distribution != "fixed"
-        return drawn_once and max(self.c1_max, self.c2_max) > 0.0
-
-    @property
-    def variances(self) -> tuple[float, float]:
-        """Variances of ``c_1`` and ``c_2``, a pair of floats."""
-        return (
-            self.c1_max**2 * UNIT_VARIANCE[self.distribution],
-            self.c2_max**2 * UNIT_VARIANCE[self.distribution],
-        )
 
 
 @suggesting
@@ -275,9 +322,16 @@ class Start:
         mesh = count("start.mesh", self.mesh, least=0, most=MOST_WHEELS)
         object.__setattr__(self, "mesh", mesh)
 
+    def __repr__(self) -> str:
+        """Python text that makes the start: by its state, or by the numbers of two wheels."""
+        unused = ("x1", "y1", "x2", "y2") if self.state else ("state",)
+        return as_call("Start", {k: v for k, v in asdict(self).items() if k not in unused})
+
     def _take_state(self) -> None:
         """Check a state that is given as a whole; one of two wheels becomes the four numbers."""
-        if not len(self.state):
+        if not isinstance(self.state, Sequence) or isinstance(self.state, str):
+            raise InputError("start.state", self.state, "give x and y of each wheel in turn")
+        if not self.state:
             return
         given = [finite("start.state", value) for value in self.state]
         if len(given) % 2 or len(given) > 2 * MOST_WHEELS:

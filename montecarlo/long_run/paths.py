@@ -159,7 +159,7 @@ class LongPaths:
     @property
     def are_sets(self) -> bool:
         """Whether each path is a gear set with backlashes of its own."""
-        return self.scene.tolerance is not None and self.scene.tolerance.differs_by_set
+        return self.scene.differs_by_set
 
     @property
     def main(self) -> Floats:

@@ -164,7 +164,7 @@ class LongRun:
     @property
     def is_scattered(self) -> bool:
         """Whether each path is a gear set with backlashes of its own."""
-        return self.scene.tolerance is not None and self.scene.tolerance.differs_by_set
+        return self.scene.differs_by_set
 
     @cached_property
     def estimates(self) -> dict[str, StationaryEstimate]:

@@ -77,8 +77,7 @@ PROBE_PERIODS = 2  # its periods that are timed, after as many in which the path
 
 def usual_paths(scene: Scene) -> int:
     """How many paths a long run follows where none are asked for."""
-    differs = scene.tolerance is not None and scene.tolerance.differs_by_set
-    return SET_PATHS if differs else LONG_RUN_PATHS
+    return SET_PATHS if scene.differs_by_set else LONG_RUN_PATHS
 
 
 class BurnInError(InputError):

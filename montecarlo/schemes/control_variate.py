@@ -184,9 +184,8 @@ def carry_along(
 ) -> int:
     """Carry the perturbations of all lanes through step n.
 
-    Shapes: `numbers` (lanes,); `xi` (2 components, lanes), of which the second half is scratch; `w`,
-    `area` (lanes,); `controls` (paths, impacts,
-    COLUMNS).
+    Shapes: `numbers` (lanes,); `xi` (2 components, lanes), of which the second half is scratch;
+    `w`, `area` (lanes,); `controls` (paths, impacts, columns).
     """
     while done < path.at_step.size and path.at_step[done] == n:
         read = path.read[done]

@@ -24,7 +24,6 @@ from rattle.scene.compiled import inline, internal, lean_internal, not_inlined
 from rattle.scene.drive import most_modulation, most_velocity, velocity_acceleration
 from rattle.scene.flight import flow, wheel_speeds
 from rattle.scene.sticking import (
-    BETA,
     DRIVER,
     as_bodies,
     close,
@@ -195,10 +194,12 @@ def _leave_lifted(c: Constants, at: Progress, s: Floats, closed: Ints, spread: f
         if closed[i] == 0:
             continue
         wheel = c.wheels[i]
-        noise = wheel.turn * most_modulation(c.drive, bodies.values[BETA, i])
+        noise = wheel.turn * most_modulation(c.drive, bodies.beta[i])
         if bodies.root[i] != DRIVER:
-            apart = abs(bodies.values[BETA, bodies.root[i]] - bodies.values[BETA, i])
+            apart = abs(bodies.beta[bodies.root[i]] - bodies.beta[i])
             noise = wheel.turn * apart * most_velocity(c.drive)
+        # pushes are accelerations of the gap alone
+        noise *= bodies.mass[i] / (wheel.mass * (1.0 - wheel.share))
         lifted = lifted or pushes[i] <= lift * noise
     if lifted:
         put_all(closed, 0)

@@ -41,11 +41,14 @@ class Batches:
         """Add a block's sums, by the pairwise update of Chan, Golub and LeVeque (1979)."""
         b = block % RUN_BATCHES
         s = sums.get("section")
-        own, mean, squares = (s.n, s.mean[0], s.sums[0]) if s else sums["weighted"].batch()
-        n = self.n[b] + own
+        before = self.n[b]
+        own, mean, squares = (
+            (s.n, s.mean[0], s.sums[0]) if s else sums["weighted"].batch(before.shape[1])
+        )
+        n = before + own
         share = np.divide(own, n, out=np.zeros_like(n), where=n > 0.0)
         away = mean - self.mean[b]
-        self.squares[b] += squares + away**2 * self.n[b] * share
+        self.squares[b] += squares + away**2 * before * share
         self.mean[b] += away * share
         if "control" in sums:
             self.control[b] += (sums["control"].mean[1] - self.control[b]) * share
@@ -53,8 +56,8 @@ class Batches:
 
     @property
     def sd(self) -> Floats:
-        """Standard deviation in each batch, shape (RUN_BATCHES, impacts, quantities); NaN where no path had
-        the impact."""
+        """Standard deviation in each batch, shape (RUN_BATCHES, impacts, quantities); NaN where no
+        path had the impact."""
         with np.errstate(invalid="ignore", divide="ignore"):
             return np.asarray(np.sqrt(self.squares / self.n))
 
@@ -68,11 +71,11 @@ HISTOGRAM_REACH = 6.0
 class Histograms:
     """Counts over equal bins, for every impact and section quantity."""
 
-    low: (
-        Floats  # low, width: lower edge of the first bin, and width of a bin; (impacts, quantities)
-    )
+    # low, width: lower edge of the first bin, and width of a bin; (impacts, quantities)
+    low: Floats
     width: Floats
-    # the first and last count values below and above the bins; (impacts, quantities, HISTOGRAM_BINS + 2)
+    # the first and last count values below and above the bins; (impacts, quantities,
+    # HISTOGRAM_BINS + 2)
     counts: Ints
 
     @classmethod

@@ -53,6 +53,11 @@ def quantities_in(columns: Mapping[str, Any]) -> tuple[str, ...]:
     return section_names(wheels)
 
 
+def quantity_at(place: int) -> str:
+    """The section quantity at a place among them, which is the same for any number of wheels."""
+    return section_names(place)[place]
+
+
 def stack_section(columns: Mapping[str, NDArray[Any]], prefix: str = "") -> Floats:
     """The columns of all section quantities whose names have a prefix.
 

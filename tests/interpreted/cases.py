@@ -12,6 +12,7 @@ from dataclasses import replace
 from unittest import mock
 
 import numpy as np
+from scenes import TREES, tree
 
 from rattle import Sampling
 from rattle.closure import mean_map
@@ -59,8 +60,10 @@ DRIVEN = Scene(
     start=Start(0.3, 0.5, 2.0, mesh=1),
 )
 MEMORY = replace(PAIR, drive=(Order(1), Order(3, 0.2, 0.4)), correlation_time=0.5)
+TREE = TREES["tree of 4"]
 FAR = replace(PAIR, gap1=1e6, gap2=1e6, start=Start(0.0, 0.0, 1.0, 0.0, 1.0))
 SCENES = {
+    "tree": tree((0, 1, 1, 2), 7, alpha=0.6, gamma=1.0, epsilon=(0.1, 0.4)),
     "two stages": PAIR,
     "without noise": replace(PAIR, sigma=0.0),
     "undamped": UNDAMPED,
@@ -72,15 +75,16 @@ SCENES = {
 
 def flights():
     """Free flight and impact by themselves."""
-    for scene in (PAIR, LONE, UNDAMPED, DRIVEN):
+    for scene in (PAIR, LONE, UNDAMPED, DRIVEN, TREE):
         c = scene.constants
+        state = np.array([0.1, -0.4, -0.2, 0.5] * scene.stages)[: 2 * scene.stages]
         for t in (1e-3, 0.7, 9.0):
-            yield flow(c, 0.3, 0.1, -0.4, -0.2, 0.5, t)
+            yield flow(c, 0.3, state, t)
             yield from (jacobian(c, t), noise_covariance(c, 0.3, t))
-        yield from (field(c, 0.3, -0.4, 0.5), field_rate(c, 0.3), system_matrix(c))
-        for mesh in (0, 1, 2):
+        yield from (field(c, 0.3, state), field_rate(c, 0.3), system_matrix(c))
+        for mesh in range(1, scene.stages + 1):
             yield contact_matrix(c, mesh)
-            yield energy_loss(c, mesh, 0.7, -0.4)
+            yield energy_loss(c, mesh, 0.7)
 
 
 def orbits(scene):
@@ -243,7 +247,7 @@ CASES: dict[str, Callable] = {
 """The fewest that reach every line that all scenes with all closures and schemes reach."""
 CASES |= {
     f"orbit, {name}": lambda name=name: orbits(SCENES[name])
-    for name in ("driven", "sticking", "undamped", "in flight")
+    for name in ("driven", "sticking", "undamped", "in flight", "tree")
 }
 
 
