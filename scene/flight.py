@@ -24,7 +24,7 @@ from rattle.scene.drive import (
     velocity_acceleration,
 )
 from rattle.scene.elementary import gauss_legendre
-from rattle.scene.linear_algebra import congruence
+from rattle.scene.linear_algebra import congruence, put
 from rattle.scene.types import Constants, Floats
 
 # Gauss-Legendre on [0, 1]: 16 nodes are exact to rounding on panels of at most PANEL time units.
@@ -265,7 +265,7 @@ def _double(q: Floats, j: Floats, h: float) -> Floats:
     k = math.cos(h)
     out = np.empty(q.shape)
     for part in range(3):
-        out[part] = congruence(j, q[part])
+        put(out[part], congruence(j, q[part]))
     for a in range(q.shape[1]):
         for b in range(q.shape[2]):
             out[0, a, b] += k * k * q[0, a, b] - k * s * q[1, a, b] + s * s * q[2, a, b]
