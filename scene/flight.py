@@ -201,7 +201,9 @@ def noise_rate(c: Constants, tau: float, i: int) -> float:
     """Noise coefficient of ``y_i`` for the one white noise ``sigma eta`` (Eq. 5), for ``sigma =
     1``."""
     first, second = velocity_acceleration(c.drive, tau)
-    return c.wheels[i].second * second + c.wheels[i].first * first
+    wheel = c.wheels[i]
+    rate: float = wheel.second * second + wheel.first * first
+    return rate
 
 
 @internal
@@ -318,10 +320,11 @@ def _over_orders(
             q = congruence(_propagate(c, v, apart, h), q) + q
             h *= 2.0
         out = congruence(_propagate(c, v, apart, rest), out)
-    return out + _over_panels(c, v, apart, tau, rest, panel)
+    total: Floats = out + _over_panels(c, v, apart, tau, rest, panel)
+    return total
 
 
-@jit
+@internal
 def _covariance(drive: Any, c: Constants, v: Floats, apart: Floats, tau: float, t: float) -> Floats:
     """Covariance of the coordinates of `noise_covariance` by unit noise."""
     fastest = 0.0
@@ -364,7 +367,7 @@ def _stand_apart(c: Constants, t: float) -> Floats:
     return apart
 
 
-@internal
+@jit
 def noise_covariance(c: Constants, tau: float, t: float) -> Floats:
     """Covariance of the state that the noise adds in a flight of time `t` from `tau`.
 

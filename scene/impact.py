@@ -76,7 +76,8 @@ def energy_loss(c: Constants, mesh: int, y: Number) -> Number:
     """
     wheel = c.wheels[mesh - 1]
     reduced = wheel.mass * (1.0 - wheel.share)
-    return 0.5 * (1.0 - wheel.epsilon * wheel.epsilon) * reduced * y * y
+    loss: Number = 0.5 * (1.0 - wheel.epsilon * wheel.epsilon) * reduced * y * y
+    return loss
 
 
 @internal

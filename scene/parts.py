@@ -2,8 +2,10 @@
 paths."""
 
 import math
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 from rattle.scene.errors import (
     InputError,
@@ -11,6 +13,7 @@ from rattle.scene.errors import (
     choice,
     count,
     finite,
+    nearest,
     non_negative,
     positive,
     suggesting,
@@ -43,6 +46,10 @@ LARGEST_BETA = 1e4
 LARGEST_RATE = 1e6  # of excitation, drag and noise
 MASSES = (1e-6, 1e6)  # of a wheel over that of wheel 1
 RATIOS = (1e-3, 1e3)
+DRIVER = "driver"
+"""What wheels may call the driver, which has the number 0."""
+# as a part of a name of a value (wheel.third.torque) and in the label of a column
+WHEEL_NAME = re.compile(r"[^\W\d_][\w-]{0,23}")
 
 
 @suggesting
@@ -72,7 +79,8 @@ class Wheel:
         Largest deviation of its half gap, below `gap`; how it is drawn is in the scene's
         `Tolerance`.
     name : str
-        What tables and figures call it; by default its number.
+        What tables and figures call it; by default its number.  A letter, and up to 23 letters,
+        digits, ``-`` or ``_`` after it.
 
     Raises
     ------
@@ -112,6 +120,53 @@ class Wheel:
         if self.epsilon is not None:
             object.__setattr__(self, "epsilon", finite("wheel.epsilon", self.epsilon))
             unit_interval("wheel.epsilon", self.epsilon)
+
+
+def wheel_labels(wheels: Sequence[Any]) -> tuple[str, ...]:
+    """What a person calls each of some wheels: its name, or its number."""
+    return tuple(wheel.name or str(number) for number, wheel in enumerate(wheels, 1))
+
+
+def find_parents(wheels: Sequence[Any], field: str) -> tuple[int, ...]:
+    """The number of each wheel's parent, 0 for the driver; checks the names of the wheels.
+
+    `field`: of a wheel, the number or the name of its parent.
+    """
+    if len(wheels) > MOST_WHEELS:
+        raise InputError("wheels", len(wheels), f"at most {MOST_WHEELS} wheels")
+    labels = wheel_labels(wheels)
+    numbers = {DRIVER: 0}
+    for number, wheel in enumerate(wheels, 1):
+        place = f"wheel.{number}.name"
+        if not wheel.name:
+            continue
+        if not isinstance(wheel.name, str) or not WHEEL_NAME.fullmatch(wheel.name):
+            why = "write a letter, and up to 23 letters, digits, - or _ after it"
+            raise InputError(place, wheel.name, why)
+        if wheel.name in numbers:
+            why = (
+                "is the name of the driver" if wheel.name == DRIVER else "two wheels have this name"
+            )
+            raise InputError(place, wheel.name, f"{why}; rename one")
+        numbers[wheel.name] = number
+    parents = []
+    for number, wheel in enumerate(wheels, 1):
+        place = f"wheel.{labels[number - 1]}.{field}"
+        given = getattr(wheel, field)
+        if isinstance(given, str) and given not in numbers:
+            why = f"no wheel has this name; {nearest(given, numbers)}"
+            raise InputError(place, given, why)
+        parent = numbers[given] if isinstance(given, str) else count(place, given, least=0)
+        if parent > len(wheels):
+            raise InputError(place, given, f"there are {len(wheels)} wheels; 0 is the driver")
+        if parent >= number:
+            why = (
+                f"wheel {labels[number - 1]} must stand after the wheel that it meshes with, and no"
+                " wheel may mesh with itself in a circle"
+            )
+            raise InputError(place, given, why)
+        parents.append(parent)
+    return tuple(parents)
 
 
 @suggesting

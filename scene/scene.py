@@ -2,8 +2,10 @@
 them."""
 
 import math
+from collections.abc import Sequence
 from copy import copy
 from dataclasses import asdict, dataclass, field, fields, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -14,20 +16,22 @@ from rattle.scene import errors, gears_input
 from rattle.scene.errors import InputError, suggesting
 from rattle.scene.files import in_file, read_text, read_toml
 from rattle.scene.gears import DAT21, Gears, change_gears
+from rattle.scene.loose_wheel import as_table
 from rattle.scene.parts import (
     GAPS,
     LEAST_SIZE,
     MEMORY_RANGE,
-    MOST_WHEELS,
     SINE_ALONE,
     Order,
     Start,
     Tolerance,
     Wheel,
+    find_parents,
     move_to_flanks,
+    wheel_labels,
 )
 from rattle.scene.text import as_call, as_html
-from rattle.scene.types import SINE, WHEEL, Constants, Floats, Orders
+from rattle.scene.types import SINE, WHEEL, Constants, Floats, Orders, Wheels
 from rattle.scene.wheel import complete_wheels
 
 Times = TypeVar("Times", float, Floats)
@@ -41,14 +45,28 @@ LARGEST_VALUES = {
     "gamma2": 1e6,
     "sigma": 1e6,
 }
+CACHED = ("tree", "_compiled_wheels")
+"""What a scene computes once and keeps."""
+UNRELATED = {"sigma", "start"}
+"""Fields whose change leaves that as it is."""
 FAR_ORDERS = 8
 """Gap between orders above which the sine of the next one is not computed from that of the last."""
-SHORT = ("beta1", "gamma1", "beta2", "gamma2", "mu")
-"""Fields of one or two wheels in a row, which a scene of `Wheel` has no use for."""
+SHORT = {
+    "beta1": 0.0,
+    "gamma1": 0.0,
+    "beta2": 0.0,
+    "gamma2": 0.0,
+    "mu": 0.0,
+    "gap1": 0.5,
+    "gap2": 0.5,
+}
+"""Fields of one or two wheels in a row, and what they are in a scene of `Wheel`, which has no use
+for them."""
+PLAIN_WHEEL = Wheel(beta=0.0, gamma=0.0)
+TABLES = ("gears", "wheel", "scene", "drive")
+"""Tables of a scene file."""
 FREE = ("sigma", "tolerance", "start", "stages", "drive", "correlation_time")
 """Fields of a scene that gears do not fix."""
-SWEPT = ("alpha", "epsilon", "beta1", "beta2", "gamma1", "gamma2", "mu", "gap1", "gap2", "sigma")
-"""Fields that are a number each, over which a sweep may go."""
 
 
 @suggesting
@@ -139,6 +157,10 @@ class Scene:
     gears: Gears | None = field(default=None, compare=False, repr=False)
 
     def __post_init__(self) -> None:
+        if not isinstance(self.wheels, Sequence):
+            raise InputError("wheels", self.wheels, "give a sequence of Wheel")
+        if self.gears is not None:
+            self._check_gears()
         if len(self.wheels):
             self._take_wheels()
         else:
@@ -170,10 +192,16 @@ class Scene:
         if self.start is None:
             object.__setattr__(self, "start", self._default_start)
         self._check_start()
-        if self.gears is not None and any(
-            getattr(self, n) != v for n, v in _parameters_of(self.gears).items()
-        ):
-            object.__setattr__(self, "gears", None)
+
+    def _check_gears(self) -> None:
+        """Keep the gears only as long as all that they fix is theirs."""
+        if not isinstance(self.gears, Gears):
+            raise InputError("gears", self.gears, "give Gears")
+        for name, value in self.gears.parameters.items():
+            given = getattr(self, name)
+            if not (np.isscalar(given) or isinstance(given, tuple)) or given != value:
+                object.__setattr__(self, "gears", None)
+                return
 
     def __repr__(self) -> str:
         """Python text that makes the scene, to the last bit, on a few lines; defaults are left
@@ -182,7 +210,7 @@ class Scene:
         defaults: dict[str, Any] = {f.name: f.default for f in fields(self)}
         defaults["start"] = self._default_start
         if self.wheels:
-            defaults |= {"stages": self.stages} | dict.fromkeys(SHORT, 0.0)
+            defaults |= {"stages": self.stages} | SHORT
         shown = {
             name: value for name, value in shown.items() if repr(value) != repr(defaults[name])
         }
@@ -237,24 +265,18 @@ class Scene:
     def _take_wheels(self) -> None:
         """Check the wheels of a gearbox; one or two in a row become the short form."""
         given = tuple(self.wheels)
-        for name in SHORT:
-            if getattr(self, name) not in (None, 0.0):
+        for name, unused in SHORT.items():
+            if getattr(self, name) not in (None, unused):
                 raise InputError(name, getattr(self, name), "give it, or wheels; not both")
-            object.__setattr__(self, name, 0.0)
-        if len(given) > MOST_WHEELS:
-            raise InputError("wheels", len(given), f"at most {MOST_WHEELS} wheels")
-        names: list[str] = []
-        parents: list[int] = []
-        for number, wheel in enumerate(given, 1):
+            object.__setattr__(self, name, unused)
+        for wheel in given:
             if not isinstance(wheel, Wheel):
                 raise InputError("wheels", wheel, "give a sequence of Wheel")
-            if wheel.name and wheel.name in names:
-                raise InputError("wheel.name", wheel.name, "two wheels have this name; rename one")
-            parents.append(_parent_of(wheel, number, given))
-            names.append(wheel.name)
+        parents = find_parents(given, "parent")
+        for label, wheel in zip(wheel_labels(given), given, strict=True):
             if wheel.epsilon is None and self.epsilon is None:
-                why = f"give wheel {number} one, or the scene"
-                raise InputError("wheel.epsilon", None, why)
+                why = "give it one, or the scene"
+                raise InputError(f"wheel.{label}.epsilon", None, why)
         given = tuple(replace(w, parent=p) for w, p in zip(given, parents, strict=True))
         first = given[0].mass
         if first != 1.0:
@@ -264,7 +286,7 @@ class Scene:
         if self.epsilon is None:
             object.__setattr__(self, "epsilon", given[0].epsilon)
         values = {"wheels": given, "stages": len(given)}
-        if _are_in_a_row(given, self.epsilon):
+        if self.gears is None and _are_in_a_row(given, self.epsilon):
             values |= self._short_form(given)
         for name, value in values.items():
             object.__setattr__(self, name, value)
@@ -277,11 +299,13 @@ class Scene:
         if len(wheels) == 2:
             values["mu"] = wheels[1].mass / (1.0 + wheels[1].mass)
         if self.tolerance is not None and any(wheel.tolerance for wheel in wheels):
-            widths = {f"c{i}_max": wheel.tolerance for i, wheel in enumerate(wheels, 1)}
+            widths: dict[str, Any] = {
+                f"c{i}_max": wheel.tolerance for i, wheel in enumerate(wheels, 1)
+            }
             values["tolerance"] = replace(self.tolerance, **widths)
         return values
 
-    @property
+    @cached_property
     def tree(self) -> tuple[Wheel, ...]:
         """The loose wheels, each with its number of the parent, its restitution and its tolerance.
 
@@ -292,30 +316,48 @@ class Scene:
         [0, 1]
         """
         if self.wheels:
-            given = self.wheels
             return tuple(
-                w if w.epsilon is not None else replace(w, epsilon=self.epsilon) for w in given
+                wheel if wheel.epsilon is not None else _copy_with(wheel, epsilon=self.epsilon)
+                for wheel in self.wheels
             )
-        t = self.tolerance
-        first = Wheel(
+        tolerance = self.tolerance or Tolerance()
+        first = _copy_with(
+            PLAIN_WHEEL,
             beta=self.beta1,
             gamma=self.gamma1,
             gap=self.gap1,
             epsilon=self.epsilon,
-            tolerance=t.c1_max if t is not None else 0.0,
+            tolerance=tolerance.c1_max,
         )
         if self.stages == 1:
             return (first,)
-        second = Wheel(
+        second = _copy_with(
+            first,
             beta=self.beta2,
             gamma=self.gamma2,
             gap=self.gap2,
             mass=self.mu / (1.0 - self.mu),
             parent=1,
-            epsilon=self.epsilon,
-            tolerance=t.c2_max if t is not None else 0.0,
+            tolerance=tolerance.c2_max,
         )
         return first, second
+
+    @property
+    def wheel_names(self) -> tuple[str, ...]:
+        """What a person calls each loose wheel: its name, or its number.
+
+        Examples
+        --------
+        >>> pair = [Wheel(beta=0.1, gamma=0.3, name="shaft"), Wheel(beta=0.1, gamma=0.2, parent=1)]
+        >>> Scene(alpha=2.0, epsilon=0.8, wheels=pair).wheel_names
+        ('shaft', '2')
+        """
+        return wheel_labels(self.tree)
+
+    @property
+    def half_gaps(self) -> tuple[float, ...]:
+        """The half gaps of all wheels, and of a single stage that of the unused mesh 2 too."""
+        return tuple(wheel.gap for wheel in self.wheels) or (self.gap1, self.gap2)
 
     @property
     def _default_start(self) -> Start:
@@ -389,13 +431,15 @@ class Scene:
         1
         """
         errors.check_keys("Scene.from_gears", settings, FREE)
-        fixed = _parameters_of(gears)
-        if gears.wheels == 1 and settings.get("stages", 2) == 2:
+        if not isinstance(gears, Gears):
+            raise InputError("gears", gears, "give Gears")
+        is_single = len(gears.tree) == 1 and not gears.wheels
+        if is_single and settings.get("stages", 2) == 2:
             raise InputError(
                 "stages", 2, "these gears have no wheel 2: give stages = 1, or inertia2 and radius2"
             )
         try:
-            return cls(gears=gears, **fixed, **settings)
+            return cls(gears=gears, **gears.parameters, **settings)
         except InputError as error:
             raise gears_input.of_gears(gears, error) from None
 
@@ -430,7 +474,8 @@ class Scene:
         ----------
         **changes : float
             Values by name, in the unit of `Gears` and `Gears.driven`: those that the gears were
-            given by, ``amplitude`` (mm) or ``alpha``.
+            given by, ``amplitude`` (mm) or ``alpha``.  Those of wheel 3 are ``torque3`` or, as in
+            ``**{"wheel.third.torque": 50.0}``, by its name.
 
         Returns
         -------
@@ -455,12 +500,12 @@ class Scene:
         gears = change_gears(self.gears, changes)
         settings = {name: getattr(self, name) for name in FREE}
         if self.tolerance is not None:
-            unit = self.gears.backlash1 / gears.backlash1  # old unit of length over the new one
+            # old unit of length over the new one
+            unit = self.gears.units.length / gears.units.length
             widths = {name: unit * getattr(self.tolerance, name) for name in ("c1_max", "c2_max")}
             settings["tolerance"] = replace(self.tolerance, **widths)
-        if gears.wheels == 2:
-            gaps = (self.gap1, gears.gap2)
-            settings["start"] = move_to_flanks(self.start, (self.gap1, self.gap2), gaps)
+        gaps = [gears.gap(number) for number in range(1, len(gears.tree) + 1)]
+        settings["start"] = move_to_flanks(self.start, self.half_gaps[: len(gaps)], gaps)
         return Scene.from_gears(gears, **settings)
 
     def scaled(self, factor: float) -> "Scene":
@@ -571,33 +616,37 @@ class Scene:
     @property
     def noise_free(self) -> "Scene":
         """The same scene without noise and without random tolerance: the deterministic system."""
-        tolerance = (
-            self.tolerance
-            if self.tolerance is not None and self.tolerance.distribution == "fixed"
-            else None
-        )
-        return _copy_with(self, sigma=0.0, tolerance=tolerance)
+        changes: dict[str, Any] = {"sigma": 0.0}
+        if self.tolerance is not None and self.tolerance.distribution != "fixed":
+            changes["tolerance"] = None
+            changes["wheels"] = tuple(_copy_with(wheel, tolerance=0.0) for wheel in self.wheels)
+        return _copy_with(self, **changes)
 
     @property
     def constants(self) -> Constants:
         """The numbers of the scene for compiled code; a fixed tolerance is part of the walls."""
+        return Constants(
+            self.alpha, self.sigma, self._compiled_wheels, self._orders, self.correlation_time
+        )
+
+    @cached_property
+    def _compiled_wheels(self) -> Wheels:
+        """The wheels for compiled code, which only reads them."""
         fixed = self.tolerance is not None and self.tolerance.distribution == "fixed"
         tree = self.tree
-        wheels = np.empty(len(tree), WHEEL)
-        for i, wheel in enumerate(tree):
-            parent = int(wheel.parent) - 1
-            at = wheels[i]
-            at.parent = parent
-            at.sign = 1.0 if parent < 0 else -1.0
-            at.ratio = wheel.ratio
-            at.turn = wheel.ratio * (wheels[parent].turn if parent >= 0 else 1.0)
-            at.beta = wheel.beta
-            at.gamma = wheel.gamma
-            at.wall = wheel.gap + wheel.tolerance if fixed else wheel.gap
-            at.epsilon = wheel.epsilon
-            at.mass = wheel.mass
+        wheels = np.zeros(len(tree), WHEEL)
+        for name in ("ratio", "beta", "gamma", "epsilon", "mass"):
+            wheels[name] = [getattr(wheel, name) for wheel in tree]
+        wheels["wall"] = [wheel.gap + fixed * wheel.tolerance for wheel in tree]
+        parents = [int(wheel.parent) - 1 for wheel in tree]
+        wheels["parent"] = parents
+        wheels["sign"] = [1.0 if parent < 0 else -1.0 for parent in parents]
+        turns: list[float] = []
+        for wheel, parent in zip(tree, parents, strict=True):
+            turns.append(wheel.ratio * (turns[parent] if parent >= 0 else 1.0))
+        wheels["turn"] = turns
         complete_wheels(wheels)
-        return Constants(self.alpha, self.sigma, wheels, self._orders, self.correlation_time)
+        return wheels
 
     @property
     def _orders(self) -> Orders | tuple[()]:
@@ -645,33 +694,38 @@ class Scene:
         Returns
         -------
         dict
-            With a table ``scene``, ``gears`` in the gear form, and ``drive`` where it is not the
-            sine alone.
+            With a table ``scene``, ``gears`` in the gear form and the list ``wheel`` where it has
+            any number of wheels, and ``drive`` where it is not the sine alone.
         """
         values = {
             f.name: getattr(self, f.name) for f in fields(self) if f.name not in ("gears", "drive")
         }
         for name in ("tolerance", "start"):
             values[name] = values[name] and asdict(values[name])
-        if self.wheels:
-            values = {
-                k: v for k, v in values.items() if k not in (*SHORT, "stages", "gap1", "gap2")
-            }
-            values["wheels"] = [_as_table(wheel) for wheel in self.wheels]
+        start = values["start"]
+        del start["state"]
+        if self.start.state:
             values["start"] = {
-                k: v for k, v in values["start"].items() if k in ("tau", "mesh", "state")
+                "tau": start["tau"],
+                "mesh": start["mesh"],
+                "state": self.start.state,
             }
+        if self.wheels:
+            values = {k: v for k, v in values.items() if k not in (*SHORT, "stages")}
+            values["wheels"] = [_as_table(wheel) for wheel in self.wheels]
         else:
             del values["wheels"]
-            del values["start"]["state"]
         for name in ("tolerance", "correlation_time"):
             if not values[name]:
                 del values[name]
         drive = {} if self.drive == SINE_ALONE else {"drive": [asdict(one) for one in self.drive]}
         if self.gears is None:
             return drive | {"scene": values}
+        gears = self.gears.values
+        wheels = [as_table(wheel) for wheel in gears.pop("wheels", ())]
         return (
-            {"gears": self.gears.values}
+            {"gears": gears}
+            | ({"wheel": wheels} if wheels else {})
             | drive
             | {"scene": {k: v for k, v in values.items() if k in FREE}}
         )
@@ -683,8 +737,8 @@ class Scene:
         Parameters
         ----------
         data : dict
-            Tables ``scene`` and, in the gear form, ``gears``, and the list ``drive``;
-            ``rattle.scene.gears_input`` says what these may hold.
+            Tables ``scene`` and, in the gear form, ``gears``, and the lists ``wheel`` and
+            ``drive``; ``rattle.scene.gears_input`` says what these may hold.
 
         Returns
         -------
@@ -696,7 +750,7 @@ class Scene:
         InputError
             For unknown or missing keys and values that are not admissible.
         """
-        errors.check_keys("top level", _table("scene", data), ("gears", "scene", "drive"))
+        errors.check_keys("top level", _table("scene", data), TABLES)
         data = gears_input.take_measured(data)
         settings = _table("scene", data.get("scene", {}))
         if "drive" in settings:
@@ -713,10 +767,13 @@ class Scene:
         if "wheels" in settings:
             settings["wheels"] = [_read_wheel(table) for table in settings["wheels"]]
         if "gears" in data:
-            gears = gears_input.own_amplitude(_table("gears", data["gears"]), data.get("drive"))
+            table = gears_input.own_amplitude(_table("gears", data["gears"]), data.get("drive"))
             errors.check_keys("scene", settings, FREE)
-            pair = gears_input.read_gears(gears, settings.get("stages", 2))
-            drawn = gears_input.read_tolerance(gears, pair)
+            gears = gears_input.read_gears(table, settings.get("stages", 2), data.get("wheel"))
+            if gears.wheels and "stages" in settings:
+                why = "leave it out: there are as many as tables [[wheel]]"
+                raise InputError("scene.stages", settings["stages"], why)
+            drawn = gears_input.read_tolerance(table, gears)
             if drawn is not None:
                 if "tolerance" in settings:
                     raise InputError(
@@ -726,10 +783,12 @@ class Scene:
                     )
                 settings["tolerance"] = Tolerance(**drawn)
             if "drive" in data:
-                settings["drive"] = gears_input.read_drive(
-                    data["drive"], pair, gears.get("driver_radius")
-                )
-            return cls.from_gears(pair, **settings)
+                radius = table.get("driver_radius")
+                settings["drive"] = gears_input.read_drive(data["drive"], gears, radius)
+            return cls.from_gears(gears, **settings)
+        if "wheel" in data:
+            why = "needs [gears]; wheels of a scene without gears are tables [[scene.wheels]]"
+            raise InputError("wheel", data["wheel"], why)
         errors.check_keys("scene", settings, (f.name for f in fields(cls) if f.name != "gears"))
         needed = ("alpha",) if "wheels" in settings else ("alpha", "epsilon", "beta1", "gamma1")
         if missing := [name for name in needed if name not in settings]:
@@ -756,7 +815,8 @@ class Scene:
         ----------
         text : str
             With a ``[scene]`` table; or ``[gears]``, and ``[scene]`` with the fields that gears do
-            not fix.  Each order of the drive is a table ``[[drive]]``.
+            not fix.  Each of more than two loose wheels is a table ``[[wheel]]``, and each order of
+            the drive a table ``[[drive]]``.
 
         Returns
         -------
@@ -802,38 +862,6 @@ class Scene:
         return scene
 
 
-def _parameters_of(gears: Gears) -> dict[str, Any]:
-    """The parameters of the model that gears fix (docs/model.md section 1)."""
-    if not isinstance(gears, Gears):
-        raise InputError("gears", gears, "give Gears")
-    found: dict[str, Any] = {"alpha": gears.alpha, "epsilon": gears.epsilon, "gap1": 0.5}
-    for wheel in range(1, gears.wheels + 1):
-        found |= {f"beta{wheel}": gears.beta(wheel), f"gamma{wheel}": gears.gamma(wheel)}
-    return found if gears.wheels == 1 else found | {"mu": gears.mu, "gap2": gears.gap2}
-
-
-def _parent_of(wheel: Wheel, number: int, wheels: tuple[Wheel, ...]) -> int:
-    """The number of the parent of wheel `number`, which stands before it."""
-    parent = wheel.parent
-    if isinstance(parent, str):
-        known = {other.name: i for i, other in enumerate(wheels, 1) if isinstance(other, Wheel)}
-        if parent not in known or not parent:
-            names = ", ".join(name for name in known if name) or "none has a name"
-            raise InputError("wheel.parent", parent, f"no wheel has this name ({names})")
-        parent = known[parent]
-    parent = errors.count("wheel.parent", parent, least=0)
-    if parent > len(wheels):
-        why = f"there are {len(wheels)} wheels; 0 is the driver"
-        raise InputError("wheel.parent", parent, why)
-    if parent >= number:
-        why = (
-            f"wheel {number} must stand after the wheel that it meshes with, and no wheel may mesh"
-            " with itself in a circle"
-        )
-        raise InputError("wheel.parent", parent, why)
-    return parent
-
-
 def _are_in_a_row(wheels: tuple[Wheel, ...], epsilon: float) -> bool:
     """Whether wheels are the paper's one or two stages: in a row, nameless, with one restitution
     and one radius each."""
@@ -858,6 +886,9 @@ def _read_wheel(data: object) -> Wheel:
 def _copy_with(part: Part, **changes: Any) -> Part:
     """A copy with changes that need no validation."""
     changed = copy(part)
+    if not changes.keys() <= UNRELATED:
+        for name in CACHED:
+            changed.__dict__.pop(name, None)
     changed.__dict__.update(changes)
     return changed
 

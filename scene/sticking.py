@@ -28,7 +28,7 @@ from rattle.scene.wheel import complete_wheels
 # longest time, and largest relative change of the contact acceleration, of chatter that is summed
 # up
 CHATTER_LIMIT = 1e-6
-MOST_CHANGES = 10_000  # of the meshes that stick, until the right ones are
+MOST_CHANGES = 1000  # of the meshes that stick, until the right ones are
 DRIVER = -1  # root of a body that is locked to the driver
 
 
@@ -81,35 +81,58 @@ def lock(c: Constants, closed: Ints) -> Bodies:
 
 @internal
 def contact_motion(c: Constants, tau: float, s: Floats, closed: Ints) -> Floats:
-    """By mesh: the push of a closed one's contact as an acceleration of all that is locked below
-    it, positive while it pushes; the acceleration of an open one's gap.
+    """By mesh: the push of a closed one's contact as the acceleration that it alone gives the gap,
+    positive while it pushes; the acceleration of an open one's gap.
 
-    ``v_i' = w_i + kappa_i alpha f''``; the last term is the same for both sides of a gap.  Shapes:
-    `s` (2 wheels,); `closed`, result (wheels,).
+    ``v_i' = w_i + kappa_i alpha f''``; the last term is the same for both sides of a gap.  The
+    speeds are those of the state, in which a closed mesh may still have a rate: so the forces are
+    linear in the contacts.  Shapes: `s` (2 wheels,); `closed`, result (wheels,).
     """
     n = c.wheels.size
     bodies = lock(c, closed)
     u = wheel_speeds(c, tau, s)
-    first, second = motion.velocity_acceleration(c.drive, tau)
+    driver = c.alpha * motion.acceleration(c.drive, tau)
+    # what all that is locked below a mesh loses by damping and drag, as an acceleration
+    pull = np.empty(n)
+    for i in range(n):
+        wheel = c.wheels[i]
+        pull[i] = wheel.mass * (wheel.beta * u[i] + wheel.gamma)
+    for i in range(n - 1, -1, -1):
+        wheel = c.wheels[i]
+        if closed[i] != 0 and wheel.parent >= 0:
+            pull[wheel.parent] += wheel.ratio * pull[i]
+        pull[i] /= bodies.mass[i]
     w = np.empty(n)
     out = np.empty(n)
     for i in range(n):
         wheel = c.wheels[i]
         r = bodies.root[i]
-        if r == DRIVER:
-            speed = wheel.turn * c.alpha * first
-            w[i] = -wheel.turn * c.alpha * second
-        else:
-            speed = bodies.carry[i] * u[r]
-            w[i] = bodies.carry[i] * (bodies.gamma[r] + bodies.beta[r] * u[r])
+        w[i] = -wheel.turn * driver if r == DRIVER else bodies.carry[i] * pull[r]
         if closed[i] != 0:
-            own = bodies.gamma[i] + bodies.beta[i] * speed
-            out[i] = closed[i] * wheel.sign * (own - w[i])
+            force = bodies.mass[i] * (pull[i] - w[i])
+            out[i] = closed[i] * wheel.sign * force / (wheel.mass * (1.0 - wheel.share))
         elif wheel.parent < 0:
-            out[i] = wheel.sign * (w[i] + wheel.turn * c.alpha * second)
+            out[i] = wheel.sign * (w[i] + wheel.turn * driver)
         else:
             out[i] = wheel.ratio * w[wheel.parent] - w[i]
     return out
+
+
+@internal
+def _most_acceleration(c: Constants, tau: float, s: Floats) -> float:
+    """A bound of all accelerations of gaps and contacts: what their terms add up to, on the
+    lightest wheel."""
+    u = wheel_speeds(c, tau, s)
+    driver = abs(c.alpha * motion.acceleration(c.drive, tau))
+    total = 0.0
+    mass = 0.0
+    lightest = math.inf
+    for i in range(c.wheels.size):
+        wheel = c.wheels[i]
+        total += abs(wheel.beta * u[i] + wheel.gamma) + wheel.turn * driver
+        mass += wheel.turn * wheel.turn * wheel.mass
+        lightest = min(lightest, wheel.turn * wheel.turn * wheel.mass)
+    return total * mass / lightest
 
 
 @internal
@@ -119,17 +142,19 @@ def find_sticking(c: Constants, tau: float, s: Floats, touching: Ints) -> Ints:
     The answer is the one combination in which every contact pushes and every open mesh accelerates
     away.  It is unique, because the matrix of the contacts' effects on each other is positive
     definite, and is found by changing the first mesh that is wrong, again and again (Murty 1974).
+    A contact whose force is zero but for rounding stays closed; `opening` opens it if it must.
 
     `touching`: Sides on which meshes touch their wall at zero speed; 0 for a mesh that does not.
     Shapes: `s` (2 wheels,); `touching`, result (wheels,).
     """
     closed = np.zeros(touching.size, np.int64)
+    slack = 1e-15 * _most_acceleration(c, tau, s)
     wrong = 0
     for _ in range(MOST_CHANGES):
         motions = contact_motion(c, tau, s, closed)
         wrong = -1
         for i in range(touching.size - 1, -1, -1):
-            opens = closed[i] != 0 and motions[i] <= 0.0
+            opens = closed[i] != 0 and motions[i] < -slack
             closes = closed[i] == 0 and touching[i] * motions[i] > 0.0
             if opens or closes:
                 wrong = i
@@ -205,13 +230,16 @@ def opening(c: Constants, tau: float, s: Floats, closed: Ints) -> tuple[float, i
     zero, and its index."""
     bodies = lock(c, closed)
     u = wheel_speeds(c, tau, s)
+    pushes = contact_motion(c, tau, s, closed)
     first = math.inf
     which = 0
     for i in range(c.wheels.size):
         if closed[i] == 0:
             continue
         wheel = c.wheels[i]
-        if bodies.root[i] == DRIVER:
+        if pushes[i] <= 0.0:
+            t = 0.0
+        elif bodies.root[i] == DRIVER:
             side = closed[i] * int(wheel.sign)
             alpha = wheel.turn * c.alpha
             t = _until_driver(c.drive, side, bodies.beta[i], bodies.gamma[i], alpha, tau)
@@ -384,29 +412,43 @@ def close(c: Constants, s: Floats, closed: Ints, places: Floats) -> Floats:
 
 
 @internal
-def _most_acceleration(c: Constants, tau: float, s: Floats) -> float:
-    """A bound of all accelerations of gaps and contacts: what their terms add up to, on the
-    lightest wheel."""
-    u = wheel_speeds(c, tau, s)
-    driver = abs(c.alpha * motion.acceleration(c.drive, tau))
-    total = 0.0
-    mass = 0.0
-    lightest = math.inf
-    for i in range(c.wheels.size):
-        wheel = c.wheels[i]
-        total += abs(wheel.beta * u[i] + wheel.gamma) + wheel.turn * driver
-        mass += wheel.turn * wheel.turn * wheel.mass
-        lightest = min(lightest, wheel.turn * wheel.turn * wheel.mass)
-    return total * mass / lightest
-
-
-@internal
 def may_chatter(c: Constants, tau: float, s: Floats, mesh: int) -> bool:
     """Whether a mesh is left so slowly that `complete_chatter` may sum up its impacts: the speed
     that is bounded there."""
     most = _most_acceleration(c, tau, s)
-    epsilon = c.wheels[mesh - 1].epsilon
-    return (1.0 - epsilon) * CHATTER_LIMIT * most >= abs(s[2 * mesh - 1])
+    epsilon: float = c.wheels[mesh - 1].epsilon
+    return (1.0 - epsilon) * CHATTER_LIMIT * most >= abs(float(s[2 * mesh - 1]))
+
+
+@internal
+def _stick_together(
+    c: Constants, tau: float, s: Floats, together: Ints, at_rest: Ints, mesh: int, change: float
+) -> bool:
+    """Whether chatter at a mesh ends at once, since it and others that are not at rest throw each
+    other back.
+
+    `change`: Bound of the rate of change of all accelerations.
+    """
+    pushes = contact_motion(c, tau, s, together)
+    others = False
+    weakest = math.inf
+    strongest = 0.0
+    longest = 0.0
+    fastest = 0.0
+    furthest = 0.0
+    for i in range(together.size):
+        if together[i] == 0:
+            continue
+        wheel = c.wheels[i]
+        weakest = min(weakest, pushes[i])
+        strongest = max(strongest, pushes[i])
+        if at_rest[i] == 0:
+            others = others or i != mesh - 1
+            longest = max(longest, 2.0 / (1.0 - wheel.epsilon))
+            fastest = max(fastest, abs(s[2 * i + 1]))
+            furthest = max(furthest, wheel.wall - abs(s[2 * i]))
+    t = longest * (fastest + math.sqrt(2.0 * strongest * furthest)) / weakest
+    return others and t <= CHATTER_LIMIT and t * change <= CHATTER_LIMIT * weakest
 
 
 @internal
@@ -427,43 +469,39 @@ def complete_chatter(
     be summed up yet.
     """
     n = c.wheels.size
+    never = np.zeros(n, np.int64)
+    if c.wheels[mesh - 1].epsilon == 1.0:
+        return math.inf, never
     u = wheel_speeds(c, tau, s)
     driver = c.alpha * motion.acceleration(c.drive, tau)
     force = c.alpha * motion.most_acceleration(c.drive)
     jolt = c.alpha * motion.most_jerk(c.drive)
     most = _most_acceleration(c, tau, s)
-    never = np.zeros(n, np.int64)
     near = np.zeros(n, np.int64)
     at_rest = np.zeros(n, np.int64)
-    longest = 0.0
-    fastest = 0.0
+    reach = np.zeros(n)
     change = 0.0
     for i in range(n):
         wheel = c.wheels[i]
-        gap = max(wheel.wall - abs(s[2 * i]), 0.0)
-        speed = abs(s[2 * i + 1]) + math.sqrt(2.0 * most * gap)
-        change += approach(c, i, u, driver, force, jolt)[3]
         nearest = 1 if s[2 * i] > 0.0 else -1
-        if speed == 0.0 and i != mesh - 1:
-            at_rest[i] = nearest
-        if i == mesh - 1 or 2.0 * speed <= (1.0 - wheel.epsilon) * CHATTER_LIMIT * most:
-            near[i] = nearest
-            if wheel.epsilon == 1.0:
-                return math.inf, never
-            longest = max(longest, 2.0 / (1.0 - wheel.epsilon))
-            fastest = max(fastest, speed)
-    together = find_sticking(c, tau, s, near)
-    if together[mesh - 1] != 0:
-        others = False
-        weakest = math.inf
-        pushes = contact_motion(c, tau, s, together)
-        for i in range(n):
-            if together[i] != 0:
-                others = others or (i != mesh - 1 and at_rest[i] == 0)
-                weakest = min(weakest, pushes[i])
-        t = longest * fastest / weakest
-        if others and t <= CHATTER_LIMIT and t * change <= CHATTER_LIMIT * weakest:
+        gap = max(wheel.wall - abs(s[2 * i]), 0.0)
+        limit = (1.0 - wheel.epsilon) * CHATTER_LIMIT
+        slow = 2.0 * abs(s[2 * i + 1]) <= limit * most and 8.0 * gap <= limit * limit * most
+        change += approach(c, i, u, driver, force, jolt)[3]
+        near[i] = nearest if slow or i == mesh - 1 else 0
+        # speed that it has at its wall at most
+        fastest = abs(s[2 * i + 1]) + math.sqrt(2.0 * most * gap)
+        if i != mesh - 1:
+            at_rest[i] = nearest if fastest == 0.0 else 0
+            reach[i] = fastest if slow else 0.0
+    # without the fastest of them, again and again: it may be in flight beside the chatter of others
+    while reach.max() > 0.0:
+        together = find_sticking(c, tau, s, near)
+        if together[mesh - 1] != 0 and _stick_together(c, tau, s, together, at_rest, mesh, change):
             return 0.0, together
+        i = np.argmax(reach)
+        near[i] = 0
+        reach[i] = 0.0
     closed = find_sticking(c, tau, s, at_rest)
     press = side * contact_motion(c, tau, s, closed)[mesh - 1]
     speed = -side * s[2 * mesh - 1]

@@ -22,13 +22,15 @@ class RattleThreshold(NamedTuple):
     Attributes
     ----------
     wheel : int
-        Which loose wheel, 1 or 2.
+        Which loose wheel, from 1 on.
     drag : float
         What the scene has: the drag torque in N mm, or ``gamma`` of a scene without gears.
     least : float
         The threshold, in the same unit.
     unit : str
         ``N mm``, or empty.
+    name : str
+        What a person calls the wheel: its name, or its number.
 
     Examples
     --------
@@ -42,6 +44,7 @@ class RattleThreshold(NamedTuple):
     drag: float
     least: float
     unit: str
+    name: str
 
     @property
     def opens(self) -> bool:
@@ -61,6 +64,10 @@ def rattle_threshold(scene: Scene) -> tuple[RattleThreshold, ...]:
     - at mesh 1, the same with the damping and the drag of both wheels as one body, ``(1 - mu)
       gamma1 + mu gamma2`` and ``(1 - mu) beta1 + mu beta2``.  What wheel 1 must have is stated for
       a wheel 2 that has its own threshold or more.
+
+    So it is in any gearbox: at each mesh the driver's part of the motion is larger by the ratio of
+    the radii on the way, all that is driven through the mesh is one body, and what a wheel must
+    have is stated for wheels behind it that have their own threshold or more.
 
     For ``f = sin`` the maximum is ``sqrt(1 + beta^2)``: the torque ``I amplitude omega^2 sqrt(1 +
     beta^2) / R``.  Below the threshold there is no rest.  Above it a motion that is at rest stays
@@ -106,16 +113,16 @@ def rattle_threshold(scene: Scene) -> tuple[RattleThreshold, ...]:
             kept[wheel.parent] += wheel.ratio * total
     gears = scene.gears
     out = []
-    for number, (gamma, threshold) in enumerate(zip(wheels["gamma"], least, strict=True), 1):
+    values = zip(scene.wheel_names, wheels["gamma"], least, strict=True)
+    for number, (name, gamma, threshold) in enumerate(values, 1):
         if gears is None:
-            out.append(RattleThreshold(number, float(gamma), float(threshold), ""))
+            out.append(RattleThreshold(number, float(gamma), float(threshold), "", name))
             continue
-        inertia, radius, torque = (
-            getattr(gears, f"{name}{number}") for name in ("inertia", "radius", "torque")
-        )
+        at = gears.tree[number - 1]
         # N mm of gamma = 1
-        newton = inertia * gears.backlash1 * gears.omega**2 / (KG_MM_PER_S2_PER_N * radius)
-        out.append(RattleThreshold(number, torque, float(threshold) * newton, "N mm"))
+        unit = at.inertia * gears.units.length * gears.omega**2
+        newton = unit / (KG_MM_PER_S2_PER_N * at.radius)
+        out.append(RattleThreshold(number, at.torque, float(threshold) * newton, "N mm", name))
     return tuple(out)
 
 

@@ -160,7 +160,7 @@ def _strip(shown: Recording, mesh: int, gap: float) -> dict[str, Any]:
     random = scene.tolerance is not None and scene.tolerance.distribution != "fixed"
     c_max = getattr(scene.tolerance, f"c{mesh}_max") if random else 0.0
     top = max(STRIP_HEIGHT * gap, 1.1 * (gap + c_max))
-    label = f"{(scene.gears.backlash1 if scene.gears else 1.0) * gap:.3g}"
+    label = f"{(scene.gears.units.length if scene.gears else 1.0) * gap:.3g}"
     heights = {f"+{label}": gap, "0": 0.0, f"−{label}": -gap}
     curves = []
     marks = []

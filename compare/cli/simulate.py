@@ -204,11 +204,11 @@ def section_table(run: "Ensemble", units: str) -> str:
     gears = run.scene.gears
     missed = run.reach.missed if run.reach else ()
     columns = in_units(run.columns, gears, units)
-    physical = gears.units.columns_of if gears is not None and units == "physical" else {}
+    physical = gears.units if gears is not None and units == "physical" else None
     stars = {(f"{'sd_' if row.moment == 'sd' else ''}{row.quantity}", row.impact) for row in missed}
     texts = [["impact", *map(str, range(1, len(columns["mesh"]) + 1))]]
     for column in COLUMNS_SHOWN:
-        name = physical[column][0] if column in physical else column
+        name = physical.name_of(column) if physical else column
         values = columns[name].tolist() if name in columns else []
         if all(math.isnan(value) for value in values):
             continue

@@ -273,7 +273,8 @@ def _moments(section: pd.DataFrame, scene: Scene, impacts: int) -> Floats:
     names = [prefix + quantity for prefix in ("", "sd_") for quantity in SECTION]
     table = section.reindex(index=range(1, impacts + 1), columns=names)
     if scene.gears is not None:
-        table *= [scene.gears.units.columns_of[name][1] for name in names]
+        units = [scene.gears.units.of_column(name) for name in names]
+        table *= [unit[1] for unit in units if unit]
     return table.to_numpy(float).T.reshape(len(CHANGED_MOMENTS), len(SECTION), impacts)
 
 

@@ -80,7 +80,7 @@ class SpeedRamp:
 
     def added_gamma(self, gears: Gears) -> float:
         """What the acceleration of the mean rotation adds to the drag of every wheel."""
-        return self.rim_acceleration / (gears.backlash1 * gears.omega**2)
+        return self.rim_acceleration / (gears.units.length * gears.omega**2)
 
     def added_torque(self, wheel: int) -> float:
         """The same as a torque on a wheel, N mm, at any speed."""

@@ -17,7 +17,7 @@ from rattle.compare.report.texts import CLOSURE_TERMS, VERDICT_TERMS, glossary
 from rattle.compare.stationary.result import LEAST_EFFECTIVE, Stationary, speed_text
 from rattle.compare.stationary.verdicts import STATIONARY_TEXTS, TOLERANCES
 from rattle.montecarlo.long_run.scatter import FEWEST_SETS
-from rattle.scene.changes import UNIT_VALUES
+from rattle.scene.changes import is_unit
 from rattle.scene.text import number_text, percent
 from rattle.scene.threshold import rattle_threshold
 
@@ -82,7 +82,7 @@ def make_report(found: Stationary, view: Bifurcation | None, record: dict[str, A
         tables["sections"] = pd.concat([d.table for d in found.densities], ignore_index=True)
     if view is not None:
         figures["bifurcation"] = bifurcation_figure(
-            view, gears=None if view.field in UNIT_VALUES else gears
+            view, gears=None if is_unit(found.scene, view.field) else gears
         )
         tables["bifurcation"] = view.table
     return Report(

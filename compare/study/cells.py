@@ -279,7 +279,7 @@ class Prediction(Cell):
     @property
     def core_seconds(self) -> float:
         """Expected cost, with all components of a mixture."""
-        return self.method.most_seconds(self.impacts)
+        return self.method.most_seconds(self.impacts, self.scene.stages)
 
     def evaluate(self, blocks: Blocks | None = None) -> tuple[pd.DataFrame, Facts]:
         """Evaluate the closure."""

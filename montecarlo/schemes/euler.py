@@ -7,9 +7,10 @@ is applied.
 
 import math
 from functools import partial
+from typing import NamedTuple
 
 from rattle.montecarlo.noise.brownian import Noise
-from rattle.montecarlo.schemes.lanes import Lanes, fill_speeds, join_increments, speeds_of
+from rattle.montecarlo.schemes.lanes import Lanes, fill_speeds, join_increments
 from rattle.montecarlo.schemes.scheme import Scheme
 from rattle.montecarlo.schemes.short_flight import Phase, no_phase
 from rattle.montecarlo.schemes.step_state import Inside, Progress, Scratch, put_on_wall
@@ -22,7 +23,7 @@ from rattle.montecarlo.schemes.time_scales import (
     time_scales,
 )
 from rattle.scene import Bools, Constants, Floats, Scene
-from rattle.scene.compiled import fma, lean, lean_internal, splice, widest_vectors
+from rattle.scene.compiled import fma, inline, lean, lean_internal, splice, widest_vectors
 from rattle.scene.drive import highest_order, velocity_acceleration
 
 PUSH = 0  # columns of a step's forcing: drift by excitation and drag over the step,
@@ -42,6 +43,42 @@ def step_forcing(c: Constants, tau: float, h: float, forcing: Floats) -> None:
         forcing[i, KICK] = root * m
 
 
+class GapStep(NamedTuple):
+    """What a step makes of a gap, the same for all lanes."""
+
+    h: float  # length
+    keep: float  # share of the rate that is kept
+    pull: float  # of the deviation of the parent's speed
+    push: float  # push, kick: see the forcing
+    kick: float
+    wall: float
+    toleranced: bool  # whether the flanks of each lane are its own
+    seen: bool  # whether other gaps have marked lanes in this step
+
+
+@inline
+def _step_gap(
+    f: GapStep,
+    x: Floats,
+    y: Floats,
+    v: Floats,
+    z: Floats,
+    high: Floats,
+    low: Floats,
+    beyond: Bools,
+) -> None:
+    """One step of a gap in all lanes, in place.  Vectorises: what is written is read nowhere
+    else."""
+    for p in range(beyond.size):
+        rate = y[p]
+        at = fma(f.h, rate, x[p])
+        x[p] = at
+        y[p] = fma(f.keep, rate, fma(f.pull, v[p], fma(f.kick, z[p], f.push)))
+        above = high[p] if f.toleranced else f.wall
+        below = low[p] if f.toleranced else f.wall
+        beyond[p] = (at > above) | (-at > below) | (f.seen & beyond[p])
+
+
 @lean_internal
 def plain_lanes(
     c: Constants,
@@ -55,7 +92,7 @@ def plain_lanes(
     beyond: Bools,
 ) -> None:
     """One Euler-Maruyama step of Eq. 5 without walls, of as many lanes as `beyond` has, in place;
-    marks those that are beyond a wall at its end.  Vectorises.
+    marks those that are beyond a wall at its end.
 
     Children before their parents, whose speeds at the start of the step they need.  `walls` is read
     only if they are toleranced. Shapes: `walls`, `state` (2 wheels, lanes or more); `speeds`
@@ -66,29 +103,27 @@ def plain_lanes(
     last = c.wheels.size - 1
     for i in range(last, -1, -1):
         wheel = c.wheels[i]
+        parent = wheel.parent
+        f = GapStep(
+            h,
+            1.0 - h * wheel.beta,
+            h * wheel.coupling,
+            forcing[i, PUSH],
+            forcing[i, KICK],
+            wheel.wall,
+            toleranced,
+            i != last,
+        )
         x = state[2 * i]
         y = state[2 * i + 1]
         high = walls[2 * i]
         low = walls[2 * i + 1]
-        keep = 1.0 - h * wheel.beta
-        push = forcing[i, PUSH]
-        pushed = forcing[i, KICK]
-        wall = wheel.wall
-        # z for want of any: coupling is 0, and what is written must not be read as another vector
-        others = speeds_of(c, state, speeds, i) if wheel.parent >= 0 else z
-        pull = h * wheel.coupling
-        if i == last:
-            for p in range(beyond.size):
-                beyond[p] = False
-        for p in range(beyond.size):
-            rate = y[p]
-            at = fma(h, rate, x[p])
-            carried = fma(pull, others[p], fma(pushed, z[p], push))
-            x[p] = at
-            y[p] = fma(keep, rate, carried)
-            above = high[p] if toleranced else wall
-            below = low[p] if toleranced else wall
-            beyond[p] |= (at > above) | (-at > below)
+        if parent < 0:  # coupling is 0, so that any vector does
+            _step_gap(f, x, y, z, z, high, low, beyond)
+        elif c.wheels[parent].parent < 0:
+            _step_gap(f, x, y, state[2 * parent + 1], z, high, low, beyond)
+        else:
+            _step_gap(f, x, y, speeds[parent], z, high, low, beyond)
 
 
 @splice

@@ -11,6 +11,7 @@ wall, its noise is split there, its first part is flown as a trial, and so on
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -24,7 +25,7 @@ from rattle.montecarlo.schemes.crossing import (
     near_wall,
     noise_free_reach,
 )
-from rattle.montecarlo.schemes.lanes import Lanes, fill_speeds, join_halves, speeds_of
+from rattle.montecarlo.schemes.lanes import Lanes, fill_speeds, join_halves
 from rattle.montecarlo.schemes.scheme import Scheme
 from rattle.montecarlo.schemes.short_flight import (
     Phase,
@@ -99,8 +100,9 @@ def flight_forcing(c: Constants, tau: float, h: float, scratch: Scratch) -> None
         forcing[i, CARRY] = p.e2
         forcing[i, CARRY + 1] = p.d2
         # k (e_p - e_i) and k (d_p - d_i)
-        forcing[i, CARRY + 2] = wheel.ratio * p.e12
-        forcing[i, CARRY + 3] = wheel.ratio * p.d12
+        carried = wheel.ratio if wheel.parent >= 0 else 0.0
+        forcing[i, CARRY + 2] = carried * p.e12
+        forcing[i, CARRY + 3] = carried * p.d12
         forcing[i, MARGIN] = margin_of(c, phase, h, i)
 
 
@@ -112,6 +114,54 @@ def _put_column(forcing: Floats, column: int, state: Floats) -> None:
         forcing[i, column + 1] = state[2 * i + 1]
 
 
+class GapFlight(NamedTuple):
+    """What a step makes of a gap, the same for all lanes."""
+
+    third: float  # a third of its length
+    carry: tuple[float, float]  # of the rate, on displacement and rate
+    others: tuple[float, float]  # of the deviation of the parent's speed
+    drift: tuple[float, float]
+    along: tuple[float, float]
+    across: tuple[float, float]
+    margin: float
+    wall: float
+    toleranced: bool  # whether the flanks of each lane are its own
+    seen: bool  # whether other gaps have marked lanes in this step
+
+
+@inline
+def _fly_gap(
+    f: GapFlight,
+    x: Floats,
+    y: Floats,
+    x_before: Floats,
+    y_before: Floats,
+    v: Floats,
+    z: Floats,
+    area: Floats,
+    highs: Floats,
+    lows: Floats,
+    near: Bools,
+) -> None:
+    """One step of a gap in all lanes, in place.  Vectorises: what is written is read nowhere
+    else."""
+    for p in range(near.size):
+        x0 = x[p]
+        y0 = y[p]
+        forced = f.drift[0] + f.along[0] * z[p] + f.across[0] * area[p]
+        end = x0 + (f.others[0] * v[p] + f.carry[0] * y0 + forced)
+        driven = f.drift[1] + f.along[1] * z[p] + f.across[1] * area[p]
+        rate = f.others[1] * v[p] + f.carry[1] * y0 + driven
+        high = highs[p] if f.toleranced else f.wall
+        low = lows[p] if f.toleranced else f.wall
+        meets = near_wall(f.third, x0, y0, end, rate, high, low, f.margin)
+        near[p] = meets | (f.seen & near[p])
+        x_before[p] = x0
+        y_before[p] = y0
+        x[p] = end
+        y[p] = rate
+
+
 @lean_internal
 def step_lanes(
     c: Constants,
@@ -120,87 +170,51 @@ def step_lanes(
     toleranced: bool,
     lanes: Lanes,
     scratch: Scratch,
-    near: Bools,
+    marks: Bools,
     live: int,
 ) -> None:
     """One step of all lanes in place, ignoring the walls; marks those that may have an impact.
 
-    The flanks of the lanes are read only if they are toleranced.
+    Children before their parents, whose speeds at the start of the step they need.  The flanks of
+    the lanes are read only if they are toleranced.
     """
     flight_forcing(c, tau, h, scratch)
-    fill_speeds(c, lanes.state, scratch.speeds, live)
-    for i in range(c.wheels.size - 1, -1, -1):
-        _step_gap(c, i, h, toleranced, lanes, scratch, near, live)
-
-
-@lean_internal
-def _step_gap(
-    c: Constants,
-    i: int,
-    h: float,
-    toleranced: bool,
-    lanes: Lanes,
-    scratch: Scratch,
-    near: Bools,
-    live: int,
-) -> None:
-    """`step_lanes` of one gap: children before their parents, whose speeds at the start of the step
-    they need.  Vectorises."""
-    wheel = c.wheels[i]
+    state = lanes.state
+    before = lanes.before
+    walls = lanes.walls
+    near = marks[:live]
     z = lanes.w
     area = lanes.area
-    x = lanes.state[2 * i]
-    y = lanes.state[2 * i + 1]
-    x_before = lanes.before[2 * i]
-    y_before = lanes.before[2 * i + 1]
-    highs = lanes.walls[2 * i]
-    lows = lanes.walls[2 * i + 1]
-    wall = wheel.wall
-    third = h / 3.0
-    row = scratch.forcing[i]
-    carry_x = row[CARRY]
-    carry_y = row[CARRY + 1]
-    drift_x = row[DRIFT]
-    drift_y = row[DRIFT + 1]
-    along_x = row[ALONG]
-    along_y = row[ALONG + 1]
-    across_x = row[ACROSS]
-    across_y = row[ACROSS + 1]
-    margin = row[MARGIN]
-    if i == c.wheels.size - 1:
-        for p in range(live):
-            near[p] = False
-    if wheel.parent < 0:
-        for p in range(live):
-            x0 = x[p]
-            y0 = y[p]
-            end = x0 + carry_x * y0 + (drift_x + along_x * z[p] + across_x * area[p])
-            rate = carry_y * y0 + (drift_y + along_y * z[p] + across_y * area[p])
-            high = highs[p] if toleranced else wall
-            low = lows[p] if toleranced else wall
-            near[p] |= near_wall(third, x0, y0, end, rate, high, low, margin)
-            x_before[p] = x0
-            y_before[p] = y0
-            x[p] = end
-            y[p] = rate
-        return
-    v = speeds_of(c, lanes.state, scratch.speeds, i)
-    others_x = row[CARRY + 2]
-    others_y = row[CARRY + 3]
-    for p in range(live):
-        x0 = x[p]
-        y0 = y[p]
-        moved = others_x * v[p] + carry_x * y0
-        end = x0 + (moved + (drift_x + along_x * z[p] + across_x * area[p]))
-        kept = others_y * v[p] + carry_y * y0
-        rate = kept + (drift_y + along_y * z[p] + across_y * area[p])
-        high = highs[p] if toleranced else wall
-        low = lows[p] if toleranced else wall
-        near[p] |= near_wall(third, x0, y0, end, rate, high, low, margin)
-        x_before[p] = x0
-        y_before[p] = y0
-        x[p] = end
-        y[p] = rate
+    fill_speeds(c, state, scratch.speeds, live)
+    last = c.wheels.size - 1
+    for i in range(last, -1, -1):
+        wheel = c.wheels[i]
+        parent = wheel.parent
+        row = scratch.forcing[i]
+        f = GapFlight(
+            h / 3.0,
+            (row[CARRY], row[CARRY + 1]),
+            (row[CARRY + 2], row[CARRY + 3]),
+            (row[DRIFT], row[DRIFT + 1]),
+            (row[ALONG], row[ALONG + 1]),
+            (row[ACROSS], row[ACROSS + 1]),
+            row[MARGIN],
+            wheel.wall,
+            toleranced,
+            i != last,
+        )
+        x = state[2 * i]
+        y = state[2 * i + 1]
+        x0 = before[2 * i]
+        y0 = before[2 * i + 1]
+        high = walls[2 * i]
+        low = walls[2 * i + 1]
+        if parent < 0:  # the driver does not deviate, so that any vector does
+            _fly_gap(f, x, y, x0, y0, z, z, area, high, low, near)
+        elif c.wheels[parent].parent < 0:
+            _fly_gap(f, x, y, x0, y0, state[2 * parent + 1], z, area, high, low, near)
+        else:
+            _fly_gap(f, x, y, x0, y0, scratch.speeds[parent], z, area, high, low, near)
 
 
 @splice

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from rattle.montecarlo.noise.philox import Word
 from rattle.montecarlo.schemes.step_state import FORCING, MOST_PARTS, MOST_TERMS, Scratch
 from rattle.scene import Bools, Constants, Floats, Ints
-from rattle.scene.compiled import lean_internal, splice, widest_vectors
+from rattle.scene.compiled import inline, lean_internal, splice, widest_vectors
 
 # finest steps between retirements of finished paths; a multiple of 4 (steps of a draw, coarsest
 # step)
@@ -113,27 +113,27 @@ def lanes_of(
 
 @lean_internal
 def fill_speeds(c: Constants, state: Floats, speeds: Floats, lanes: int) -> None:
-    """Deviations of the speeds of the wheels that have a wheel on both sides, of all lanes.
+    """Deviations of the speeds of the wheels that stand between other wheels, of all lanes; that of
+    a wheel at the driver is the rate of its gap.
 
     Shapes: `state` (2 wheels, lanes); `speeds` (wheels, lanes).
     """
     for i in range(c.wheels.size):
         wheel = c.wheels[i]
-        if wheel.parent < 0 or not wheel.drives:
+        parent = wheel.parent
+        if parent < 0 or not wheel.drives:
             continue
-        y = state[2 * i + 1]
-        v = speeds_of(c, state, speeds, i)
-        out = speeds[i]
-        for p in range(lanes):
-            out[p] = wheel.ratio * v[p] - y[p]
+        if c.wheels[parent].parent < 0:
+            _put_speeds(wheel.ratio, state[2 * parent + 1], state[2 * i + 1], speeds[i], lanes)
+        else:
+            _put_speeds(wheel.ratio, speeds[parent], state[2 * i + 1], speeds[i], lanes)
 
 
-@splice
-def speeds_of(c: Constants, state: Floats, speeds: Floats, i: int) -> Floats:
-    """Deviations of the speed of the parent of wheel i, of all lanes: those of a wheel at the
-    driver are the rates of its gap."""
-    parent = c.wheels[i].parent
-    return state[2 * parent + 1] if c.wheels[parent].parent < 0 else speeds[parent]
+@inline
+def _put_speeds(ratio: float, v: Floats, y: Floats, out: Floats, lanes: int) -> None:
+    """Deviations of the speed of a wheel from those of its parent and the rates of its gap."""
+    for p in range(lanes):
+        out[p] = ratio * v[p] - y[p]
 
 
 @splice

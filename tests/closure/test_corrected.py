@@ -2,11 +2,11 @@ import math
 
 import numpy as np
 import pytest
-from oracle import two_stages
+from oracle import gearbox
 from reference_moments import stage_moments_after_flight
 
 from rattle.closure import follow, mean_map
-from rattle.scene import DAT21, STATE, Scene, Start, Tolerance
+from rattle.scene import DAT21, Scene, Start, Tolerance, state_names
 
 PHI0 = 1 / math.sqrt(2 * math.pi)
 
@@ -14,7 +14,7 @@ PHI0 = 1 / math.sqrt(2 * math.pi)
 def covariances(scene, orbit, wrong=lambda r: r):
     """Covariance just before each impact of an orbit: its own differential equation, impacts by
     section 3."""
-    box = two_stages(scene.constants)
+    box = gearbox(scene.constants)
     impacts = wrong([box.restitution(mesh) for mesh in range(3)])
     cov = np.zeros((4, 4))
     found = [np.zeros((4, 4))]
@@ -70,8 +70,7 @@ def test_raw_moments_of_a_stage_are_those_of_their_hierarchy(order):
     """Nothing Gaussian is assumed there; negative control: Eq. 15 at an impact, -eps E[.. zeta^p]
     and not (-eps)^p."""
     scene = Scene.from_gears(DAT21, sigma=0.3, stages=1)
-    c = scene.constants
-    box = two_stages(c)
+    box = gearbox(scene.constants)
     m = mean_map(scene, impacts=3, closure="corrected", order=order)
     p = np.arange(order + 1)
     right, wrong = np.zeros((2, order + 1, order + 1))
@@ -81,11 +80,15 @@ def test_raw_moments_of_a_stage_are_those_of_their_hierarchy(order):
         t = m.trace.tau[k] - m.trace.tau[k - 1]
         right, wrong = (
             stage_moments_after_flight(
-                raw * factor, c.beta1, begin, t, lambda s: (c.sigma * box.modulation(s)[0]) ** 2
+                raw * factor,
+                scene.beta1,
+                begin,
+                t,
+                lambda s: (scene.sigma * box.modulation(s)[0]) ** 2,
             )
             for raw, factor in (
-                (right, (-c.epsilon) ** p),
-                (wrong, np.where(p > 0, -c.epsilon, 1.0)),
+                (right, (-scene.epsilon) ** p),
+                (wrong, np.where(p > 0, -scene.epsilon, 1.0)),
             )
         )
     assert m.trace.raw[3, 0] == pytest.approx(right, rel=1e-7, abs=1e-10)
@@ -137,10 +140,11 @@ def test_moments_at_fixed_times_tend_to_the_section_moments_at_an_impact():
     m = mean_map(Scene.from_gears(DAT21, sigma=0.05), impacts=6, closure="corrected")
     row = m.at_times([m.trace.tau[6] - 1e-10]).iloc[0]
     upper = np.triu_indices(4)
-    names = [f"cov_{STATE[i]}_{STATE[j]}" for i, j in zip(*upper, strict=True)]
+    state = state_names(2)
+    names = [f"cov_{state[i]}_{state[j]}" for i, j in zip(*upper, strict=True)]
     covariance = m.trace.covariance[6]
     assert row[names].to_numpy() == pytest.approx(
         covariance[upper], abs=1e-8 * abs(covariance).max()
     )
-    assert row[[*STATE]].to_numpy() == pytest.approx(m.trace.mean[6], abs=1e-8)
+    assert row[[*state]].to_numpy() == pytest.approx(m.trace.mean[6], abs=1e-8)
     assert row["rho1"] == pytest.approx(m.section.loc[6, "rho1"], abs=1e-7)

@@ -7,7 +7,7 @@ from common_scenes import SCENES
 
 from rattle.closure import follow, mean_map
 from rattle.montecarlo import Record, simulate
-from rattle.scene import STATE
+from rattle.scene import state_names
 
 LIMIT = 4.0  # standard errors; of at most 72 moments of a scene, Bonferroni at 0.5 %
 # sds of the impact times that must fit between a fixed time and the impacts around it
@@ -48,7 +48,7 @@ def excess(scene, fixed, closure, scale=1.0):
     """Standard errors by which a closure, its covariances times `scale`, is off."""
     predicted = mean_map(scene, impacts=12, closure=closure).at_times(fixed.index)
     worst = []
-    for name in STATE[: 2 * scene.stages]:
+    for name in state_names(scene.stages):
         variance = f"cov_{name}_{name}"
         worst.append(
             (scale * predicted[variance] - fixed[variance]).abs() / fixed[f"se_{variance}"]
@@ -56,7 +56,8 @@ def excess(scene, fixed, closure, scale=1.0):
     for name in ("rho1", "rho2")[: scene.stages]:
         off = (predicted[name] - fixed[name]).abs()
         worst.append((off - ROUNDED) / fixed[f"se_{name}"])
-    still = (fixed["cov_x2_x2"] < 1e-15) & (scene.stages == 2)  # before what stage 1 does to it
+    last = f"x{scene.stages}"
+    still = fixed[f"cov_{last}_{last}"] < 1e-15  # before what the other wheels do to it
     return np.array(worst)[:, ~still]
 
 

@@ -17,7 +17,7 @@ from mc_checks import (
     orbit_of,
     stepped,
 )
-from oracle import two_stages
+from oracle import gearbox
 from settings import recorded
 
 from rattle.montecarlo import SCHEMES
@@ -57,7 +57,7 @@ def wheels(raw, mu):
 def flight_moments(scene, scheme, dt, t):
     """Mean and covariance of a flight without walls, as the scheme has them."""
     s = scene.start
-    box = two_stages(scene.constants)
+    box = gearbox(scene.constants)
     mean = np.array([s.x1, s.y1, s.x2, s.y2])
     covariance = np.zeros((4, 4))
     if not SCHEMES[scheme].has_step_bias:

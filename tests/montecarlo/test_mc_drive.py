@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from oracle import two_stages
+from oracle import gearbox
 from scenes import ORDERS
 
 from rattle import DAT21, Order, Record, Sampling, Scene, Start, mean_map, simulate
@@ -42,7 +42,7 @@ def test_without_walls_the_covariance_is_that_of_the_linear_system(scheme, theta
     names = [f"cov_{a}_{b}" for i, a in enumerate(STATE) for b in STATE[i:]]
     sampled = run.at_times()[names].to_numpy()[0]
     se = run.at_times()[[f"se_{name}" for name in names]].to_numpy()[0]
-    box = two_stages(scene.constants, scene.drive)
+    box = gearbox(scene.constants, scene.drive)
     exact, wrong = (
         box.covariance(0.0, np.zeros((4, 4)), 1.0, memory)[np.triu_indices(4)]
         for memory in (theta, 3.0 * theta)

@@ -11,7 +11,7 @@ from itertools import count
 import numpy as np
 import pytest
 from mc_checks import DAMPED, bridge_normal, dat21, step_normals
-from oracle import two_stages
+from oracle import gearbox
 
 from rattle.montecarlo import Record, largest_step, simulate
 from rattle.montecarlo.noise.philox import key_of
@@ -67,7 +67,7 @@ class Path:
         self.dt = dt
         self.located = located
         self.fault = fault
-        self.box = two_stages(scene.constants)
+        self.box = gearbox(scene.constants)
         self.gaps = np.array(self.box.gaps)
         self.x = np.array([start.x1, start.x2])
         self.y = np.array([start.y1, start.y2])

@@ -1,10 +1,10 @@
 from itertools import product
 
 import pytest
-from oracle import two_stages
+from oracle import gearbox
 
-from rattle.closure import follow
 from rattle.scene import Scene, Start
+from rattle.scene.orbit import follow
 
 BETAS = (0.0, 1e-12, 1e-6, 0.08, 1.0, 50.0)
 PAIRS = list(product(BETAS, BETAS))
@@ -29,13 +29,13 @@ def far_from_walls(beta1, beta2, **changes):
 def test_flow_solves_the_equations_of_motion(beta1, beta2):
     scene = far_from_walls(beta1, beta2)
     # the solver's own error at rtol 1e-12 over this flight stays below 1e-11
-    exact = two_stages(scene.constants).fly(0.7, STATE, 2.5)
+    exact = gearbox(scene.constants).fly(0.7, STATE, 2.5)
     assert follow(scene, 1).state(3.2) == pytest.approx(exact, rel=0, abs=3e-11)
 
 
 def test_the_misprinted_damping_of_stage_2_is_distinguished():
     scene = far_from_walls(0.08, 0.13)
-    misprinted = two_stages(scene.constants)
+    misprinted = gearbox(scene.constants)
     misprinted.damping[1, 1] = scene.beta1  # -beta_1 y_2, as Eqs. 3 and 5 have it
     wrong = misprinted.fly(0.7, STATE, 2.5)
     assert abs(follow(scene, 1).state(3.2) - wrong).max() > 1e-3

@@ -6,15 +6,16 @@ from dataclasses import replace
 import numba
 import numpy as np
 import pytest
-from oracle import two_stages
+from oracle import gearbox
 from scenes import STICKING
 from scipy.integrate import solve_ivp
 
+import rattle
 from rattle import InputError, Order, rattle_threshold
-from rattle.closure import follow, mean_map
 from rattle.scene import DAT21, Gears, Scene, Start
 from rattle.scene.impact import MISSES, REST
 from rattle.scene.long_orbit import LongOrbit, attractor
+from rattle.scene.orbit import follow
 
 COMPILED = pytest.mark.skipif(
     bool(numba.config.DISABLE_JIT), reason="takes minutes with the compiler off"
@@ -38,17 +39,17 @@ def spring_and_damper(epsilon, stiffness):
 def compliant(c, tau, state, until, stiffness):
     """Solution from a state, with contact forces in the proportions of the impact rules
     (docs/model.md section 3)."""
-    damping = spring_and_damper(c.epsilon, stiffness)
+    damping = [spring_and_damper(e, stiffness) for e in c.wheels["epsilon"]]
 
-    def push(x, y, wall):
+    def push(x, y, wall, damping):
         beyond = x - math.copysign(wall, x)
         return -(stiffness * beyond + damping * y) if beyond * x > 0.0 else 0.0
 
-    box = two_stages(c)
+    box = gearbox(c)
 
     def rate(time, s):
         out = box.rates(time, s)
-        pushes = [push(s[2 * i], s[2 * i + 1], gap) for i, gap in enumerate(box.gaps)]
+        pushes = list(map(push, s[::2], s[1::2], box.gaps, damping))
         out[1::2] += box.effect @ pushes
         return out
 
@@ -67,10 +68,9 @@ def compliant(c, tau, state, until, stiffness):
 def furthest(orbit, since, until, stiffness):
     """Largest distance in x between an orbit and the compliant system started on it, over a stretch
     of time."""
-    used = slice(0, 2 * orbit.constants.stages, 2)
     run = compliant(orbit.constants, since, orbit.state(since), until, stiffness)
     times = np.linspace(since, until, 300)
-    return max(float(np.abs(orbit.state(t) - run.sol(t))[used].max()) for t in times)
+    return max(float(np.abs(orbit.state(t) - run.sol(t))[::2].max()) for t in times)
 
 
 @COMPILED
@@ -142,11 +142,11 @@ def test_the_orbit_goes_on_and_linearisations_stop_at_sticking():
     assert (orbit.found, orbit.stopped) == (40, "")
     assert len(orbit.sticking) >= 2
     first = orbit.sticking[0].impact
-    m = mean_map(SINGLE, impacts=40, closure="corrected")
+    m = rattle.mean_map(SINGLE, impacts=40, closure="corrected")
     assert m.stopped == f"{MISSES[REST]} after impact {first}"
     assert m.section["tau"].notna().sum() == first
     # which ends at the first impact that is too slow for it
-    m = mean_map(SINGLE, impacts=40, closure="saltation")
+    m = rattle.mean_map(SINGLE, impacts=40, closure="saltation")
     assert m.stopped == f"impact {m.trace.found + 1} grazes its wall"
     assert 0 < m.trace.found <= first
 

@@ -32,6 +32,7 @@ def refused(field, value, remedy):
 
 NAN_INF = (float("nan"), float("inf"), float("-inf"))
 NO_NUMBER = ("0.5", None, True, [0.5])
+NEEDED = "is needed, or give wheels"
 NO_COUNT = (2.0, "2", None, True)
 BAD = {
     Scene: (
@@ -55,7 +56,7 @@ BAD = {
         ("draw", None, "valid are 'path', 'contact'"),
     ],
     Start: (
-        [("mesh", 3, "must be at most 2"), ("mesh", -1, "must be at least 0")]
+        [("mesh", 33, "must be at most 32"), ("mesh", -1, "must be at least 0")]
         + [("mesh", value, "give a whole number") for value in NO_COUNT]
     ),
 }
@@ -65,7 +66,15 @@ for kind, names in (
     (Start, ("tau", "x1", "y1", "x2", "y2")),
 ):
     BAD[kind] += [(name, value, "give a finite number") for name in names for value in NAN_INF]
-    BAD[kind] += [(name, value, "give a number") for name in names for value in NO_NUMBER]
+    BAD[kind] += [
+        (
+            name,
+            value,
+            NEEDED if name in ("epsilon", "beta1", "gamma1") and value is None else "give a number",
+        )
+        for name in names
+        for value in NO_NUMBER
+    ]
 
 
 @pytest.mark.parametrize(
@@ -95,6 +104,7 @@ def test_a_tolerance_must_leave_its_gap_open(stage):
         (Start(x2=-0.4, y2=1.0, mesh=2), "start.mesh", 2, "y2 outward; given x2 = -0.4, y2 = 1.0"),
         (Start(x1=0.5, y1=1.0), "start.y1", 1.0, "must move inward, or give mesh=1"),
         (Start(x2=-0.4, y2=0.0), "start.y2", 0.0, "must move inward, or give mesh=2"),
+        (Start(mesh=3), "start.mesh", 3, "a scene of 2 wheels has no mesh 3"),
     ],
 )
 def test_a_start_must_lie_in_the_gap_and_move_to_its_mesh(start, field, value, remedy):
@@ -179,7 +189,7 @@ def test_noise_free_drops_what_is_random(distribution, kept):
 )
 def test_only_a_fixed_tolerance_moves_the_orbits_walls(distribution, wall1):
     scene = Scene(**VALUES, tolerance=Tolerance(0.05, 0.0, distribution=distribution))
-    assert scene.constants.wall1 == pytest.approx(wall1)
+    assert scene.constants.wheels[0].wall == pytest.approx(wall1)
     assert scene.windows == pytest.approx(
         (0.55, 0.4)
     )  # Eqs. 20, 21 use g + c_max for every distribution
