@@ -161,6 +161,7 @@ def speed(as_json: bool) -> None:
         return
     names = {
         "ns": "ns per path-step",
+        "ns_wheel": "and wheel",
         "times_floor": "times floor",
         "gain": "times as fast",
         "us": "us per path",

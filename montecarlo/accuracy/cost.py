@@ -125,16 +125,19 @@ def expect_paths(
 def cost_of(run: Ensemble, paths: int, dt: float | None = None) -> Candidate:
     """Work of a number of paths like those of a run, at its step or another one."""
     kind = SCHEMES[run.scheme]
+    # times are those of two wheels, and taken for one; with each more a step takes a third more,
+    # the covariances of an impact grow faster (`rattle check speed`)
+    longer = max((1.0 + run.scene.stages) / 3.0, 1.0)
     dt = run.dt if dt is None else dt
     finer = run.dt / dt
     followed = run.plan.paths
     steps = run.path_steps / followed * finer  # over all step sizes run side by side
     levels = 3.0 if run.plan.levels > 1 else 1.0
     each = (
-        steps * kind.step_ns * (VECTOR_GAIN if followed == 1 else 1.0)
-        + run.impacts * kind.impact_ns * levels
+        steps * kind.step_ns * longer * (VECTOR_GAIN if followed == 1 else 1.0)
+        + run.impacts * kind.impact_ns * longer**1.5 * levels
     )
-    each += run.sticking_steps / followed * finer * STICKING_NS
+    each += run.sticking_steps / followed * finer * STICKING_NS * longer
     branches = 0 if run.plan.mixture is None else len(run.plan.mixture.unit)
     return Candidate(run.scheme, dt, paths, paths * steps, 1e-9 * paths * each, branches)
 

@@ -201,10 +201,12 @@ class Event(NamedTuple):
         )
 
 
-def _log_flux(flight: SearchedFlight, times: Floats, mesh: int, side: int) -> Floats:
-    """Logarithm of the rate at which paths meet a wall that have not met the orbit's own: Rice's
-    formula."""
-    means, spread = flight.at(times)
+def _log_flux(
+    flight: SearchedFlight, moments: tuple[Floats, Floats], mesh: int, side: int
+) -> Floats:
+    """Logarithm of the rate at which paths meet a wall that have not met the orbit's own, at the
+    times of the moments: Rice's formula."""
+    means, spread = moments
     i = 2 * (mesh - 1)
     own = 2 * (flight.mesh - 1)
     var = spread[:, i, i]
@@ -229,21 +231,22 @@ def _log_flux(flight: SearchedFlight, times: Floats, mesh: int, side: int) -> Fl
     return np.maximum(np.nan_to_num(found, nan=-np.inf, posinf=-np.inf), NEVER)
 
 
-def _earlier(flight: SearchedFlight, mesh: int, side: int) -> list[Event]:
+def _earlier(
+    flight: SearchedFlight, mesh: int, side: int, times: Floats, moments: tuple[Floats, Floats]
+) -> list[Event]:
     """Another wall that is met before the orbit's own: an event for each peak of the flux of paths
-    that meet it."""
-    same = mesh == flight.mesh
-    end = flight.time if same else flight.time + min(flight.time, LATEST_OTHER)
-    times = np.linspace(0.0, end, GRID + 1)[1:]
-    flux = _log_flux(flight, times, mesh, side)
+    that meet it.
+
+    `moments`: Of the flight at the times.
+    """
+    end = times[-1]
+    flux = _log_flux(flight, moments, mesh, side)
     peaks = np.flatnonzero((flux[1:-1] >= flux[:-2]) & (flux[1:-1] > flux[2:])) + 1
     valley = np.append(True, np.append((flux[1:-1] <= flux[:-2]) & (flux[1:-1] < flux[2:]), True))
     found = []
-    if same and side == flight.side:  # the last peak may be the orbit's own impact
+    if mesh == flight.mesh and side == flight.side:  # the last peak may be the orbit's own impact
         i = 2 * (mesh - 1)
-        late = math.sqrt(max(flight.at(times[-1:])[1][0, i, i], 0.0)) / max(
-            abs(flight.before[i + 1]), NO_SD
-        )
+        late = math.sqrt(max(moments[1][-1, i, i], 0.0)) / max(abs(flight.before[i + 1]), NO_SD)
         peaks = peaks[times[peaks] < flight.time - FURTHEST * late]
     for peak in peaks:
         at = times[peak - 1 : peak + 2]
@@ -254,7 +257,7 @@ def _earlier(flight: SearchedFlight, mesh: int, side: int) -> list[Event]:
             if rare or (n > 3 and highest < log[1] + 1.0):
                 break
             fine = np.linspace(at[0], at[2], 9)
-            log = _log_flux(flight, fine, mesh, side)
+            log = _log_flux(flight, flight.at(fine), mesh, side)
             best = int(np.clip(log.argmax(), 1, 7))
             at = fine[best - 1 : best + 2]
             log = log[best - 1 : best + 2]
@@ -268,7 +271,7 @@ def _earlier(flight: SearchedFlight, mesh: int, side: int) -> list[Event]:
         high = times[faint[faint > peak].min(initial=GRID - 1)]
         near = np.linspace(max(at[1] - width, low), min(at[1] + width, high), 65)
         around = np.unique(np.concatenate([near, np.linspace(low, high, 65)]))
-        density = np.exp(_log_flux(flight, around, mesh, side))
+        density = np.exp(_log_flux(flight, flight.at(around), mesh, side))
         mass = np.concatenate(
             [[0.0], np.cumsum(0.5 * (density[1:] + density[:-1]) * np.diff(around))]
         )
@@ -367,7 +370,12 @@ def events(flight: SearchedFlight) -> list[Event]:
     """All other events of a flight within reach."""
     missed = _miss(flight)
     found = [] if missed is None else [missed]
+    # times at which the own mesh, and at which another one, may be struck first
+    ends = flight.time, flight.time + min(flight.time, LATEST_OTHER)
+    grids = [np.linspace(0.0, end, GRID + 1)[1:] for end in ends]
+    moments = [flight.at(times) for times in grids]
     for mesh in range(1, flight.c.wheels.size + 1):
+        other = int(mesh != flight.mesh)
         for side in (1, -1):
-            found += _earlier(flight, mesh, side)
+            found += _earlier(flight, mesh, side, grids[other], moments[other])
     return found

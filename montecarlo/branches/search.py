@@ -27,8 +27,10 @@ from rattle.scene.impact import slowest_impact
 from rattle.scene.orbit import first_state
 
 MOST_SEARCHED_PATHS = 12  # paths that are searched: the orbit, and the most probable branches
-# flights that are searched, so that orbits of many impacts take no more than about a second
+# flights that are searched, so that orbits of many impacts take no more than about a second; the
+# square of so many more wheels than `FEW_WHEELS` fewer, for their covariances take longer
 MOST_SEARCHED_FLIGHTS = 300
+FEW_WHEELS = 8
 SMALLEST = 1e-9
 """Probability down to which branches are known, and searched for branches of their own."""
 
@@ -128,6 +130,8 @@ class BranchSearch:
         self.responses: list[Floats] = []
         # probability of each path, and number of branches after it
         self._searched: list[tuple[float, int]] = []
+        wheels = max(scene.stages, FEW_WHEELS)
+        self._most_flights = MOST_SEARCHED_FLIGHTS * FEW_WHEELS**2 // wheels**2
         self._flights = 0
         self._found: dict[int, RareEvents] = {}
         self._known = impacts
@@ -143,7 +147,7 @@ class BranchSearch:
             while (
                 self._queue
                 and len(self._searched) < MOST_SEARCHED_PATHS
-                and self._flights < MOST_SEARCHED_FLIGHTS
+                and self._flights < self._most_flights
             ):
                 if self._searched and self._queue[-1].probability < least:
                     break
@@ -170,8 +174,8 @@ class BranchSearch:
         tau = parent.tau
         start = parent.start
         for k in range(parent.first, self.impacts):
-            if self._flights == MOST_SEARCHED_FLIGHTS:
-                return k, f"{MOST_SEARCHED_FLIGHTS} flights were searched"
+            if self._flights == self._most_flights:
+                return k, f"{self._flights} flights were searched"
             self._flights += 1
             flight = SearchedFlight(c, tau, start, self._grid)
             if flight.mesh <= 0:

@@ -103,6 +103,8 @@ def aim(scene: Scene, impacts: int, dt: float) -> tuple[Exit, ...]:
     if not search.responses:
         return ()
     directions, known = _list_directions(search.responses)
+    if not len(directions):  # all impacts are at the start
+        return ()
     plan = plan_of(scene, BLOCK, impacts, dt, EXACT_SCHEME, AIM_KEY)
     pilots = list[_Pilot]()
 

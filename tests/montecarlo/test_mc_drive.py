@@ -10,7 +10,7 @@ from scenes import ORDERS
 
 from rattle import DAT21, Order, Record, Sampling, Scene, Start, mean_map, simulate
 from rattle.montecarlo import SCHEMES
-from rattle.scene import STATE
+from rattle.scene import state_names
 
 
 @pytest.mark.parametrize(
@@ -39,7 +39,8 @@ def test_without_walls_the_covariance_is_that_of_the_linear_system(scheme, theta
     given = {"paths": 20_480, "impacts": 1, "dt": 5e-3, "scheme": scheme, "rng": 5}
     sampling = Sampling(horizon=1.1)
     run = simulate(scene, record=Record(times=[1.0]), sampling=sampling, **given)
-    names = [f"cov_{a}_{b}" for i, a in enumerate(STATE) for b in STATE[i:]]
+    states = state_names(2)
+    names = [f"cov_{a}_{b}" for i, a in enumerate(states) for b in states[i:]]
     sampled = run.at_times()[names].to_numpy()[0]
     se = run.at_times()[[f"se_{name}" for name in names]].to_numpy()[0]
     box = gearbox(scene.constants, scene.drive)

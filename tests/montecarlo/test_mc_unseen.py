@@ -19,7 +19,7 @@ def test_a_rare_branch_has_the_probability_and_the_size_that_eight_million_paths
     found = BranchSearch(PAIR_B, 2).until(1.0)
     (branch,) = [b for b in found.branches if b.impact == 1]
     assert abs(branch.probability - PROBABILITY) < 4.0 * PROBABILITY / np.sqrt(63.0)
-    gap = branch.section[:, 1, 5] - found.orbit[1, 5]
+    gap = branch.rows[:, 1, 5] - found.orbit[1, 5]
     share = (branch.weights * gap**2).sum() / SD**2
     assert 0.2 < share < 0.5  # 0.34 by the kurtosis
 
