@@ -300,7 +300,7 @@ def as_bodies(c: Constants, closed: Ints) -> Constants:
         body.mass = bodies.mass[i]
         body.wall = wheel.wall
         body.epsilon = wheel.epsilon
-    complete_wheels(wheels)
+    complete_wheels(wheels, c.drive)
     return Constants(c.alpha, c.sigma, wheels, c.drive, c.memory)
 
 
