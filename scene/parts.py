@@ -4,7 +4,7 @@ paths."""
 import math
 import re
 from collections.abc import Sequence, Sized
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 from rattle.scene.errors import (
@@ -19,6 +19,7 @@ from rattle.scene.errors import (
     suggesting,
     unit_interval,
 )
+from rattle.scene.text import as_call
 from rattle.scene.types import CUT, state_names
 
 _edge = math.exp(-0.5 * CUT**2) / math.sqrt(2.0 * math.pi)
@@ -334,6 +335,12 @@ class Start:
             check_range(f"start.{name}", value, 0.0, most)
         mesh = count("start.mesh", self.mesh, least=0, most=MOST_WHEELS)
         object.__setattr__(self, "mesh", mesh)
+
+    def __repr__(self) -> str:
+        unused = ("x1", "y1", "x2", "y2") if self.state else ("state",)
+        return as_call(
+            "Start", {f.name: getattr(self, f.name) for f in fields(self) if f.name not in unused}
+        )
 
     def _take_state(self) -> None:
         """Check a state that is given as a whole; one of two wheels becomes the four numbers."""
