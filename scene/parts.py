@@ -4,7 +4,7 @@ paths."""
 import math
 import re
 from collections.abc import Sequence, Sized
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 from rattle.scene.errors import (
@@ -219,6 +219,20 @@ class Tolerance:
         choice("tolerance.distribution", self.distribution, UNIT_VARIANCE)
         choice("tolerance.draw", self.draw, DRAWS)
 
+    @property
+    def differs_by_set(self) -> bool:
+        """Whether every gear set has backlashes of its own, for good."""
+        drawn_once = self.draw == "path" and self.distribution != "fixed"
+        return drawn_once and max(self.c1_max, self.c2_max) > 0.0
+
+    @property
+    def variances(self) -> tuple[float, float]:
+        """Variances of ``c_1`` and ``c_2``, a pair of floats."""
+        return (
+            self.c1_max**2 * UNIT_VARIANCE[self.distribution],
+            self.c2_max**2 * UNIT_VARIANCE[self.distribution],
+        )
+
 
 @suggesting
 @dataclass(frozen=True)
@@ -323,9 +337,10 @@ class Start:
         object.__setattr__(self, "mesh", mesh)
 
     def __repr__(self) -> str:
-        """Python text that makes the start: by its state, or by the numbers of two wheels."""
         unused = ("x1", "y1", "x2", "y2") if self.state else ("state",)
-        return as_call("Start", {k: v for k, v in asdict(self).items() if k not in unused})
+        return as_call(
+            "Start", {f.name: getattr(self, f.name) for f in fields(self) if f.name not in unused}
+        )
 
     def _take_state(self) -> None:
         """Check a state that is given as a whole; one of two wheels becomes the four numbers."""

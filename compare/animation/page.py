@@ -56,10 +56,10 @@ def animation(shown: Recording, name: str, command: str = "") -> str:
     gaps = (walls.wall1, walls.wall2)[: scene.stages]
     begin = scene.start.tau if abs(scene.start.tau) <= MOST_TAU else 0.0
     ms = None if scene.gears is None else 1000.0 / scene.gears.omega
-    loose = Wheel(PITCH_RADIUS, TOOTH)
+    loose = DrawnWheel(PITCH_RADIUS, TOOTH)
     scale = PLAY * loose.pitch / (2.0 * max(gaps))  # of a displacement, to the drawing
     others = (1.0 - TOOTH - 2.0 * gap * scale / loose.pitch for gap in gaps)
-    wheels = [loose, *(Wheel(PITCH_RADIUS, width) for width in others)]
+    wheels = [loose, *(DrawnWheel(PITCH_RADIUS, width) for width in others)]
     data = {
         "span": shown.span,
         "phase": scene.phase,
@@ -187,7 +187,7 @@ def _height(x: Any, top: float) -> Any:
 
 
 @dataclass(frozen=True)
-class Wheel:
+class DrawnWheel:
     """A toothed wheel of `TEETH` teeth."""
 
     radius: float
@@ -214,7 +214,7 @@ class Wheel:
         return at_pitch + (math.tan(PRESSURE) - PRESSURE) - (math.tan(at) - at)
 
 
-def outline(wheel: Wheel) -> str:
+def outline(wheel: DrawnWheel) -> str:
     """The outline of a wheel as the data of an SVG path; the middle of a tooth points along the x
     axis."""
     root = wheel.radius - DEDENDUM * wheel.module
