@@ -69,7 +69,7 @@ def run_up(
     Impacts a second, power and speeds over the mean speed, with intervals: at constant speeds, and
     in the ramp itself, whose difference is stated.  The excitation keeps its order: its frequency
     is as many times the mean speed as in the file.  Its amplitude, torques and backlashes stay as
-    they were typed, a table of drag is read at each speed, and `sigma` stays as it is.  The ramp
+    they were typed, drag over speed is read at each speed, and `sigma` stays as it is.  The ramp
     also accelerates the mean rotation of the wheels, which adds to their drag.
 
     Parameters
@@ -103,7 +103,7 @@ def run_up(
     Raises
     ------
     InputError
-        For a scene without gears or without a speed, a speed that a table of drag does not have, or
+        For a scene without gears or without a speed, a speed that drag over speed does not cover, or
         a ramp that is too short.
 
     Examples

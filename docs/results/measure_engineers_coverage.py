@@ -123,20 +123,19 @@ def share_text(of: pd.DataFrame, column: str) -> str:
 def main() -> None:
     """Measure what is not yet in the table, set by set, or the sets that are named."""
     made = pd.read_csv(TABLE) if TABLE.exists() else pd.DataFrame({"set": []})
-    wanted = sys.argv[1:]
-    for file in SETS:
-        if (file.stem not in wanted) if wanted else (made["set"] == file.stem).any():
-            continue
+    missing = [file.stem for file in SETS if not (made["set"] == file.stem).any()]
+    for name in sys.argv[1:] or missing:
+        file = HERE / "engineers" / f"{name}.toml"
         began = time.process_time()
         try:
             rows = measure_set(Scene.load(file))
         except (AtRest, BurnInError) as error:  # no stationary motion, or several
-            print(f"{file.stem}: {error}", flush=True)
+            print(f"{name}: {error}", flush=True)
             continue
-        made = pd.concat([made[made["set"] != file.stem], pd.DataFrame(rows).assign(set=file.stem)])
+        made = pd.concat([made[made["set"] != name], pd.DataFrame(rows).assign(set=name)])
         made = made.sort_values("set", kind="stable")
-        print(made[made["set"] == file.stem].to_string(), flush=True)
-        print(f"{file.stem}: {time.process_time() - began:.0f} s", flush=True)
+        print(made[made["set"] == name].to_string(), flush=True)
+        print(f"{name}: {time.process_time() - began:.0f} s", flush=True)
         keep(made, TABLE, table, "%.6g")
 
 
