@@ -103,8 +103,8 @@ def run_up(
     Raises
     ------
     InputError
-        For a scene without gears or without a speed, a speed that drag over speed does not cover, or
-        a ramp that is too short.
+        For a scene without gears or without a speed, a speed that the drag over speed does not
+        cover, or a ramp that is too short.
 
     Examples
     --------
