@@ -1,7 +1,7 @@
 """Measure what each command takes by default on the gear sets of an engineer, in processor seconds
 of all processes, and when `assess` gives its first answer.
 
-``python docs/results/measure_engineers.py [SETS]`` writes docs/results/engineers.csv (about an hour
+``python docs/results/measure_engineers.py`` writes docs/results/engineers.csv (about an hour
 on one core for all sets).  Five gear sets in docs/results/engineers/ are made up with values in
 published ranges: a car's loose gear at idle, a truck's power take-off, an electric drive, a soft
 pair, and one that never rattles.  Ten are drawn at random (draw_engineers.py).  Machine code is
@@ -92,31 +92,26 @@ def table(found: pd.DataFrame) -> Table:
     heads[heads.index("`to 2 %`")] = "rate and power to 2 %"
     rows = []
     for name, of in found.groupby("gears"):
-        runs = of.set_index("command")
-        first = runs.loc["assess"]
-        cells = [f"{short(first['cpu_first'])} ({short(first['wall_first'])})"]
-        for command in COMMANDS:
-            run = runs.loc[command]
-            answered = run["exit_code"] in ANSWERED
-            cells.append(short(run["cpu_seconds"]) + ("" if answered else " (refused)"))
+        runs = of.set_index("command").reindex(list(COMMANDS))
+        cells = [short(runs.loc["assess", "cpu_first"])]
+        for _, run in runs.iterrows():
+            refused = run["exit_code"] >= 0 and run["exit_code"] not in ANSWERED
+            cells.append(short(run["cpu_seconds"]) + (" (refused)" if refused else ""))
         rows.append([str(name), *cells])
     return heads, rows
 
 
 def main() -> None:
-    """Measure all sets, or those that are named, and write the table."""
-    wanted = sys.argv[1:]
-    for gears in SETS:
-        if wanted and gears.stem not in wanted:
-            continue
-        rows = []
-        for command in COMMANDS:
-            rows.append(measure(command, gears) | {"processor": processor()})
-            print(json.dumps(rows[-1], ensure_ascii=False), flush=True)
-        known = pd.read_csv(TABLE)
-        known = known[known["gears"] != gears.stem]
-        made = pd.concat([known, pd.DataFrame(rows)]).sort_values("gears", kind="stable")
-        keep(made, TABLE, table, None)
+    """Measure what is not yet in the table: remove its rows to measure something again."""
+    for command in COMMANDS:
+        for gears in SETS:
+            known = pd.read_csv(TABLE)
+            if ((known["gears"] == gears.stem) & (known["command"] == command)).any():
+                continue
+            row = measure(command, gears) | {"processor": processor()}
+            print(json.dumps(row, ensure_ascii=False), flush=True)
+            made = pd.concat([known, pd.DataFrame([row])]).sort_values("gears", kind="stable")
+            keep(made, TABLE, table, None)
 
 
 if __name__ == "__main__":
