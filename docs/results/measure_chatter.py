@@ -82,7 +82,7 @@ def follow_whole(scene: Scene, answer: float) -> tuple[LongRun, float]:
     a default answer, where that can be afforded."""
     whole, seconds = follow(scene, 1, 0.0)
     times = WORK * answer / seconds
-    if not 1.0 < times or WORK * answer > LONGEST_WHOLE:
+    if not times > 1.0 or WORK * answer > LONGEST_WHOLE:
         return whole, seconds
     return follow(scene, 1, 0.0, math.ceil(times * (PERIODS + BURN_IN)) - BURN_IN)
 
