@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import InitVar, dataclass, fields, replace
 from typing import Any, ClassVar
 
-from rattle.scene.drag import DRAG_TABLES, DragTable, drag_at
+from rattle.scene.drag import DRAG_TABLES, DragLaw, drag_at
 from rattle.scene.errors import (
     InputError,
     check_keys,
@@ -223,8 +223,8 @@ class Gears:
         driver_radius: float | None = None,
         speed_rpm: float | None = None,
         speed_rad_s: float | None = None,
-        torque1_over_rpm: DragTable | None = None,
-        torque2_over_rpm: DragTable | None = None,
+        torque1_over_rpm: DragLaw | None = None,
+        torque2_over_rpm: DragLaw | None = None,
         **values: Any,
     ) -> "Gears":
         """Gears whose drive is given as the amplitude of the driver's motion, or with the mean
@@ -243,10 +243,11 @@ class Gears:
             Mean speed of the driver in revolutions per minute or in rad/s, one of them.  Wheel i
             then turns at ``speed R_e / R_i``, and what its damping brakes it by is added to the
             torque that is given.
-        torque1_over_rpm, torque2_over_rpm : sequence of pairs, optional
+        torque1_over_rpm, torque2_over_rpm : sequence of pairs, or mapping, optional
             In place of `torque1` and `torque2`, with a mean speed: drag torques over the speed of
-            the driver, as pairs of 1/min and N mm at rising speeds, straight between them.  Left
-            out with `torque2`, wheel 2 has that of wheel 1.
+            the driver, as pairs of 1/min and N mm at rising speeds, straight between them; or as
+            ``{"polynomial": (a0, a1, a2), "rpm": (lowest, highest)}``, the torque ``a0 + a1 rpm +
+            a2 rpm**2`` at these speeds.  Left out with `torque2`, wheel 2 has that of wheel 1.
         **values : float
             All other fields of Gears; `alpha` where no amplitude is given.
 
@@ -260,7 +261,7 @@ class Gears:
         ------
         InputError
             Unless the drive is given in just one way, or if a value has no physical meaning, or for
-            a speed without `driver_radius`, or a table of drag without a speed.
+            a speed without `driver_radius`, or drag over speed without a speed.
 
         Examples
         --------

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import MISSING, asdict, dataclass, fields, replace
 from typing import Any
 
-from rattle.scene.drag import DragTable, read_drag
+from rattle.scene.drag import DragLaw, read_drag
 from rattle.scene.errors import (
     InputError,
     check_keys,
@@ -60,7 +60,7 @@ class LooseWheel:
         Rotational damping in N mm s; left out, that of the first wheel, or none.
     torque : float
         Drag torque in N mm at the mean speed; left out, that of the first wheel, or none.
-    torque_over_rpm : sequence of pairs, optional
+    torque_over_rpm : sequence of pairs, or mapping, optional
         In place of `torque`, as ``torque1_over_rpm`` of `Gears.driven`.
     epsilon : float, optional
         Restitution at its mesh; left out, that of the gears.
@@ -84,7 +84,7 @@ class LooseWheel:
     backlash_tolerance: float = 0.0
     damping: float = None  # type: ignore[assignment]
     torque: float = None  # type: ignore[assignment]
-    torque_over_rpm: DragTable | None = None
+    torque_over_rpm: DragLaw | None = None
     epsilon: float | None = None
 
     def __repr__(self) -> str:

@@ -42,8 +42,9 @@ QUANTITY_HELP = (
 )
 BUDGET = (
     "Processor seconds of the simulation, all threads together; compiling, closures and figures are"
-    " not counted. [default: refused above an hour]"
+    " not counted. [default: 60; with --periods refused above an hour]"
 )
+STATIONARY_BUDGET = 60.0
 LONG_RUN_PATHS_HELP = (
     "Independent paths. [default: 64; 80 where each is a gear set with backlashes of its own]"
 )
@@ -280,6 +281,8 @@ def stationary(
     results = begin()
     names = ("accuracy", "periods", "paths", "burn_in", "slow", "resolve", "budget")
     settings = shared.pick(settings, *names)
+    if settings["budget"] is None and settings["periods"] is None:
+        settings["budget"] = STATIONARY_BUDGET
     settings["quantities"] = list(quantities or ASKED)
     settings["closures"] = [] if no_closures else list(closures or CLOSURES_JUDGED)
     if at:

@@ -21,6 +21,10 @@ from rattle.montecarlo.statistics.intervals import Spread, spread
 from rattle.scene import Floats
 from rattle.scene.progress import ProgressBar
 
+COUNTED_POWERS = (1, 2, 3)
+"""Powers of the speed that number, speed and energy a second are proportional to where the motion
+is the same."""
+
 
 class RampSums(NamedTuple):
     """What the paths did under each hat, and last in the whole ramp, in 1, mm/s and mJ."""
@@ -56,16 +60,49 @@ class RampSums(NamedTuple):
         """The mean speed of impacts that are not slow, under each hat."""
         return [mean_of(counted[:, group, 1], counted[:, group, 0]) for counted in self.counted]
 
+    def differences(self, kind: int, group: int, steady: Floats) -> list[Spread]:
+        """What the same gear sets do more in the ramp than at constant speeds, under each hat: in
+        counts (0) or energy (2) a second, or in the mean speed (1).
+
+        `steady`: at constant speeds, a second; (speeds, sets, groups, number and speed and energy).
+        """
+        sets = min(steady.shape[1], self.counted.shape[1])
+        of_group = steady[:, :sets, group]
+        number, speed, energy = (
+            self.average(power) @ of_group[..., i] for i, power in enumerate(COUNTED_POWERS)
+        )
+        constant = np.stack([number, speed, energy], axis=2)
+        ramp = self.counted[:, :sets, group] / self.time[:, None, None]
+        if kind == 1:
+            parts = [
+                parts_of_ratio(a[:, 1], a[:, 0]) - parts_of_ratio(b[:, 1], b[:, 0])
+                for a, b in zip(ramp, constant, strict=True)
+            ]
+        else:
+            parts = list(ramp[..., kind] - constant[..., kind])
+        return [spread(part) for part in parts]
+
+
+def parts_of_ratio(total: Floats, number: Floats) -> Floats:
+    """What each path puts into a ratio of sums over paths, to first order; NaN where there is
+    nothing.
+
+    Shapes: all (paths,).
+    """
+    if number.sum() == 0.0:
+        return np.full_like(total, np.nan)
+    value = total.sum() / number.sum()
+    return np.asarray((total - value * number) / number.mean() + value)
+
 
 def mean_of(total: Floats, number: Floats) -> Spread:
-    """A ratio of sums over paths with its spread, to first order; NaN where there is nothing.
+    """A ratio of sums over paths with its spread; NaN where there is nothing.
 
     Shapes: `total`, `number` (paths,).
     """
     if number.sum() == 0.0:
         return Spread(np.nan, np.nan, np.nan)
-    value = float(total.sum() / number.sum())
-    return spread((total - value * number) / number.mean() + value, value)
+    return spread(parts_of_ratio(total, number), float(total.sum() / number.sum()))
 
 
 def follow_ramp(

@@ -24,7 +24,7 @@ from rattle.montecarlo.kernel.blocks import Budget
 from rattle.montecarlo.long_run import BurnInError
 from rattle.montecarlo.long_run.estimates import groups, most_unseen
 from rattle.montecarlo.long_run.paths import warm_up
-from rattle.montecarlo.long_run.ramp import RampPaths
+from rattle.montecarlo.long_run.ramp import RampPaths, count_impacts
 from rattle.montecarlo.looks import BUDGET_ENDED
 from rattle.montecarlo.seed import Rng, child_seed, read_seed
 from rattle.montecarlo.statistics.intervals import half_width, tail_of
@@ -41,6 +41,9 @@ LEAST_RAMP_BUDGET = 1.0  # core-seconds that a constant speed may take once it i
 STEADY_COLUMNS = ("value", "se", "low", "high", "effective_paths")
 AGAINST = "ramp against constant speeds"
 HALVED = "stretches of one period against two"
+GEAR_SETS = (
+    1  # key of the random numbers that ramp and constant speeds share where gear sets differ
+)
 
 
 class SteadyRun(NamedTuple):
@@ -49,6 +52,22 @@ class SteadyRun(NamedTuple):
     rpm: float
     found: Stationary | None
     remark: str = ""  # why there is nothing
+
+    @property
+    def counts(self) -> Floats | None:
+        """What every path does a second, as the ramp counts it: 1/s, mm/s and mJ; None without
+        paths that have forgotten their start.
+
+        Shapes: result (paths, groups, number and speed above and energy).
+        """
+        run = self.found.run if self.found else None
+        if run is None or run.widened > 1.0:
+            return None
+        assert run.scene.gears is not None
+        units = run.scene.gears.units
+        seconds = run.sums.time / run.scene.gears.omega
+        counted = count_impacts(run.sums.main.sum(axis=1), run.scene.stages)
+        return np.asarray(counted * np.array([1.0, units.speed, units.energy]) / seconds)
 
 
 @numpy_defaults
@@ -69,7 +88,7 @@ def run_up(
     Impacts a second, power and speeds over the mean speed, with intervals: at constant speeds, and
     in the ramp itself, whose difference is stated.  The excitation keeps its order: its frequency
     is as many times the mean speed as in the file.  Its amplitude, torques and backlashes stay as
-    they were typed, a table of drag is read at each speed, and `sigma` stays as it is.  The ramp
+    they were typed, drag over speed is read at each speed, and `sigma` stays as it is.  The ramp
     also accelerates the mean rotation of the wheels, which adds to their drag.
 
     Parameters
@@ -103,8 +122,8 @@ def run_up(
     Raises
     ------
     InputError
-        For a scene without gears or without a speed, a speed that a table of drag does not have, or
-        a ramp that is too short.
+        For a scene without gears or without a speed, a speed that the drag over speed does not
+        cover, or a ramp that is too short.
 
     Examples
     --------
@@ -197,7 +216,7 @@ def _run_steady(
                     slow=ramp.slow_at(slow, rpm),
                     budget=max(left / (number - done), LEAST_RAMP_BUDGET),
                     closures=(),
-                    rng=child_seed(seed, round(rpm)),
+                    rng=_seed_of(ramp.scene, seed, round(rpm)),
                     workers=workers,
                 )
                 runs.append(SteadyRun(rpm, found))
@@ -208,6 +227,13 @@ def _run_steady(
                 runs.append(SteadyRun(rpm, None, why))
             bar.update()
     return runs
+
+
+def _seed_of(scene: Scene, seed: np.random.SeedSequence, *keys: int) -> np.random.SeedSequence:
+    """The seed of one of the runs: of its own, but where every path is a gear set the same one for
+    all, so that the same gear sets are compared."""
+    differs = scene.tolerance is not None and scene.tolerance.differs_by_set
+    return child_seed(seed, GEAR_SETS) if differs else child_seed(seed, *keys)
 
 
 def _follow_twice(
@@ -231,7 +257,8 @@ def _follow_twice(
         ProgressBar(label=progress, unit=" periods", total=total) as bar,
     ):
         for stretch in (1, COARSER):
-            paths = RampPaths(scenes, plan.ramp_paths, child_seed(seed, len(known), 1))
+            of_ramp = _seed_of(ramp.scene, seed, len(known), 1)
+            paths = RampPaths(scenes, plan.ramp_paths, of_ramp)
             sums = follow_ramp(ramp, knots, slow, stretch, paths, RAMP_BURN_IN, pool, limit, bar)
             copies.append(sums)
     return copies
@@ -241,6 +268,7 @@ def _tabulate(known: list[SteadyRun], sums: RampSums | None, scene: Scene) -> pd
     """Every quantity at every speed, and last in the whole ramp: constant, in the ramp, and the
     difference."""
     steady = {run.rpm: run.found.table_in("physical") for run in known if run.found is not None}
+    same_sets = _count_same_sets(known, scene)
     parts = []
     for (group, suffix), kind in product(groups(scene.stages), QUANTITIES):
         name = kind + suffix
@@ -251,9 +279,22 @@ def _tabulate(known: list[SteadyRun], sums: RampSums | None, scene: Scene) -> pd
         part.insert(1, "quantity", name)
         part["unit"] = unit_of(kind, scene.gears, "physical")[0]
         if sums is not None:
-            part = part.assign(**_compare(part, steady, sums, kind, group, suffix))
+            compared = _compare(part, steady, same_sets, sums, kind, group, suffix)
+            part = part.assign(**compared)
         parts.append(part)
     return pd.concat(parts, ignore_index=True)
+
+
+def _count_same_sets(known: list[SteadyRun], scene: Scene) -> Floats | None:
+    """What every gear set does a second at the constant speeds; None where paths are no gear sets,
+    or a speed has no paths.
+
+    Shapes: result (speeds, paths, groups, number and speed above and energy).
+    """
+    if scene.tolerance is None or not scene.tolerance.differs_by_set:
+        return None
+    counts = [run.counts for run in known]
+    return None if any(one is None for one in counts) else np.array(counts)
 
 
 def _judge(table: pd.DataFrame, known: list[SteadyRun], planned: Sequence[float]) -> pd.DataFrame:
@@ -275,6 +316,7 @@ def _judge(table: pd.DataFrame, known: list[SteadyRun], planned: Sequence[float]
 def _compare(
     part: pd.DataFrame,
     steady: dict[float, pd.DataFrame],
+    same_sets: Floats | None,
     sums: RampSums,
     kind: str,
     group: int,
@@ -305,8 +347,11 @@ def _compare(
         high = np.where(value == 0.0, unseen, high)
     effective = np.fmin(paths, part["effective_paths"].to_numpy())
     apart = np.hypot(se, error)
-    half = half_width(np.nan_to_num(effective, nan=2.0)) * apart + allowance
     difference = value - middle
+    if same_sets is not None:  # set by set: how much they differ from each other drops out
+        pairs = sums.differences(QUANTITIES[kind], group, same_sets)
+        difference, apart, effective = np.array([list(one) for one in pairs]).T
+    half = half_width(np.nan_to_num(effective, nan=2.0)) * apart + allowance
     return {
         "effective_paths": effective,
         "ramp_rpm": sums.weights @ sums.rpm,

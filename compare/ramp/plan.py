@@ -11,6 +11,7 @@ from rattle.compare.ramp.speed import SpeedRamp
 from rattle.montecarlo.long_run.paths import IMPACT_SECONDS
 from rattle.montecarlo.long_run.sums import NUMBER, new_sums, no_scales
 from rattle.montecarlo.long_run.walk import Walk
+from rattle.montecarlo.schemes.quiet import quiet_of
 from rattle.scene import Constants, Scene, duration_text
 
 RAMP_PLANNED_SHARE = 0.85  # of the budget: the rest is for the counting itself, figures and tables
@@ -20,7 +21,7 @@ PERIOD_SECONDS = 1e-5
 RAMP_PILOT_PATHS = 4
 PILOT_PERIODS = 2  # in which impacts are counted
 PILOT_SETTLING = 8  # periods before, a multiple of these: chatter builds up in a few
-FEWEST_RAMP_PATHS = 16  # of a constant speed
+FEWEST_STEADY_PATHS = 16  # of a constant speed: fewest that a long run takes
 FEWEST_RAMP_PATHS = 8
 MOST_RUN_UP_PATHS = 128
 SETTLING = 64  # periods of burn-in and pilot run of a constant speed, at the least
@@ -56,7 +57,7 @@ def count_period(
 ) -> float:
     """Nominal processor time of a period of a path of a scene with these constants."""
     walk = Walk(scene, seed, 0, RAMP_PILOT_PATHS)
-    walk.change_constants(constants)
+    walk.change_constants(constants, quiet_of(scene, slow, None))
     sums = new_sums(RAMP_PILOT_PATHS, 1 + PILOT_SETTLING // PILOT_PERIODS, no_scales(slow), False)
     walk.follow(sums, PILOT_SETTLING + PILOT_PERIODS, PILOT_PERIODS)
     impacts = float(sums.main[:, -1, NUMBER].sum()) / (RAMP_PILOT_PATHS * PILOT_PERIODS)
@@ -95,13 +96,13 @@ def plan_work(
     if ramp_paths < FEWEST_RAMP_PATHS:
         ramp_paths = 0
     rest = planned - ramp_paths * ramp_cost
-    least = FEWEST_RAMP_PATHS * (SETTLING + STEADY_PERIODS[0]) * cost
+    least = FEWEST_STEADY_PATHS * (SETTLING + STEADY_PERIODS[0]) * cost
     order = coarse_to_fine(len(speeds))
     fitting = int((np.cumsum(least[order]) <= rest).sum())
     chosen = order[: max(fitting, 1)]
     whole = float(cost[chosen].sum())
     fewest = (SETTLING + STEADY_PERIODS[0]) * whole
-    paths = int(np.clip(rest / fewest, FEWEST_RAMP_PATHS, MOST_RUN_UP_PATHS))
+    paths = int(np.clip(rest / fewest, FEWEST_STEADY_PATHS, MOST_RUN_UP_PATHS))
     periods = int(np.clip(rest / (paths * whole) - SETTLING, *STEADY_PERIODS))
     ramp_seconds = ramp_paths * ramp_cost
     return RunUpPlan(

@@ -22,7 +22,6 @@ from rattle.closure import closures_for, mean_map
 from rattle.closure.mean_map import closure_seconds
 from rattle.compare.tradeoff.multilevel import (
     LEVEL_PATHS,
-    LEVEL_TIMINGS,
     MEASURED_SIGMAS,
     Levels,
     control_table,
@@ -115,11 +114,13 @@ class CostModel:
     ) -> "CostModel":
         """Fit the model to pilot runs: one for a scheme without step bias, else a second one with a
         shorter step."""
-        first, seconds = _least(partial(pilot, scene, scheme, again), timings)
+        call = partial(pilot, scene, scheme, again)
+        first, seconds = _least(call, call, timings)
         if not SCHEMES[scheme].has_step_bias:
             return cls(scheme, first, 0.0, seconds / first.path_steps, seconds, 0.0, first)
         longer = partial(again, paths=first.paths, scheme=scheme, dt=first.dt / PILOT_STEP_RATIO)
-        finer, more = _least(partial(longer, record=Record(step_bias=True)), timings)
+        call = partial(longer, record=Record(step_bias=True))
+        finer, more = _least(call, call, timings)
         step = (more - seconds) / (finer.path_steps - first.path_steps)
         path = max(0.0, seconds - step * first.path_steps) / first.paths
         model = cls(scheme, first, path, step, seconds, step_error(first)[0] / first.dt, first)
@@ -185,10 +186,11 @@ class CostModel:
         return self.path_seconds * share + self.step_seconds * steps
 
 
-def _least(call: Callable[[], T], timings: int) -> tuple[T, float]:
-    """The result of a call and the shortest of several timings, after a first call that
-    compiles."""
-    return call(), min(time_run(call)[1] for _ in range(timings))
+def _least(compiles: Callable[[], T], call: Callable[[], T], timings: int) -> tuple[T, float]:
+    """The result of a call and the shortest of several timings, after one that compiles."""
+    compiles()
+    timed = [time_run(call) for _ in range(timings)]
+    return timed[0][0], min(seconds for _, seconds in timed)
 
 
 ACCURACIES = (0.3, 0.1, 0.03, 0.01, 0.003, 0.001)
@@ -230,8 +232,8 @@ ORDERS_SHARE = 0.15
 FEWEST_SHARED = 1024  # paths of a run of these, which the budget makes smaller
 FIXED_SECONDS = 4.0  # of pilot runs, closures and the smallest tables
 RUN_SECONDS = 0.03  # of a run besides its paths: its plan and its tables
+BRANCHES_SECONDS = 0.5  # of a search for rare branches along the motion without noise
 SECONDS_OF_A_TIMING = 20.0  # of the budget for each time that something is timed
-CONTROL_RUNS = 1 + 2 * LEVEL_TIMINGS  # of each noise intensity
 
 
 class Allowance(CountedWork):
@@ -242,6 +244,7 @@ class Allowance(CountedWork):
         super().__init__(max(budget, LEAST_SECONDS), POINTS_SHARE)
         self.left -= POINTS_SHARE * min(FIXED_SECONDS, budget)
         self.limit = Budget(budget)
+        self.searches = 0  # for rare branches, so far
 
     @property
     def of_point(self) -> float:
@@ -257,6 +260,14 @@ class Allowance(CountedWork):
     def remaining(self) -> float:
         """Seconds after which a run is ended that takes longer than was counted."""
         return max(min(BUSY * self.budget, self.limit.remaining), LEAST_SECONDS)
+
+    def allow_search(self) -> bool:
+        """Charge a search for rare branches; the first one is part of `FIXED_SECONDS`."""
+        allowed = self.searches == 0 or self.left >= BRANCHES_SECONDS
+        if allowed and self.searches > 0:
+            self.left -= BRANCHES_SECONDS
+        self.searches += allowed
+        return allowed
 
     def scale(self, what: str, share: float, paths: int, work: float, runs: int) -> int:
         """Paths of each of some runs, which all together are expected to take so much work; 0 where
@@ -277,7 +288,8 @@ def _measure_point(
     """The point of a scheme at an accuracy, with its run if it was measured."""
     budget = allowance.of_point
     point = model.at(accuracy)
-    if point.work > budget and not model.bias:  # as a run to that accuracy would go on
+    # as a run to that accuracy would go on
+    if point.work > budget and not model.bias and allowance.allow_search():
         begin = partial(begin_rare, model.best, FEWEST_PATHS, in_threads(1))
         model.best = sample_branches(PilotRun.of(model.best), accuracy, begin).run
         point = model.at(accuracy)
@@ -342,8 +354,9 @@ def closure_points(
     z = widest(len(_moments(scene)) * impacts * len(closures))
     half = z * _in_sds(reference.section, reference, "se_")
     for closure in closures:
+        predict = partial(mean_map, scene, closure=closure)
         prediction, seconds = _least(
-            partial(mean_map, scene, impacts=impacts, closure=closure), timings
+            partial(predict, impacts=1), partial(predict, impacts=impacts), timings
         )
         error = _errors(prediction.section, reference)
         seen = np.isfinite(error)
@@ -492,9 +505,10 @@ def measure(
     points += multilevel_points(levels, accuracies, scene, impacts)
     points += closure_points(scene, impacts, reference, allowance.timings)
     noises = () if base.correlation_time else MEASURED_SIGMAS
-    work = len(noises) * CONTROL_RUNS * cost_of(firsts[exact], LEVEL_PATHS).core_seconds
+    timed = len(noises) * (1 + 2 * allowance.timings)  # runs of the table
+    work = timed * cost_of(firsts[exact], LEVEL_PATHS).core_seconds
     number = allowance.scale("the control variate", CONTROL_SHARE, LEVEL_PATHS, work, 0)
-    control = control_table(base, **shared, sigmas=noises, paths=number)
+    control = control_table(base, **shared, sigmas=noises, paths=number, timings=allowance.timings)
     measured = None
     if orders:
         measured = _measure_orders(base, firsts, euler, allowance, seed, workers)

@@ -258,6 +258,7 @@ def control_table(
     workers: int,
     sigmas: Sequence[float] = MEASURED_SIGMAS,
     paths: int = LEVEL_PATHS,
+    timings: int = LEVEL_TIMINGS,
 ) -> pd.DataFrame:
     """Variance without the control variate over variance with it, on the same paths.
 
@@ -284,7 +285,7 @@ def control_table(
         )
         controlled()  # compiles
         # one after the other, so that what else the machine does slows both
-        timed = [time_run(call) for _ in range(LEVEL_TIMINGS) for call in (plain, controlled)]
+        timed = [time_run(call) for _ in range(timings) for call in (plain, controlled)]
         seconds = [time for _, time in timed]
         before, after = (run.section for run, _ in timed[-2:])
         sd = before[["sd_" + q for q in SECTION]].to_numpy()

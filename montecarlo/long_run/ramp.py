@@ -14,6 +14,7 @@ import numpy as np
 from rattle.montecarlo.long_run import sums as tally
 from rattle.montecarlo.long_run.sums import new_sums, no_scales
 from rattle.montecarlo.long_run.walk import Walk, steps_per_period
+from rattle.montecarlo.schemes.quiet import quiet_of
 from rattle.scene import Constants, Floats, Scene
 
 WALKED_TOGETHER = 32
@@ -30,6 +31,18 @@ class RampStretch(NamedTuple):
     periods: int
 
 
+def count_impacts(main: Floats, stages: int) -> Floats:
+    """What is counted of each group of impacts.
+
+    Shapes: `main` (paths, MAIN); result (paths, groups, `COUNTED`).
+    """
+    groups = np.arange(tally.MESH_GROUPS if stages == 2 else 1)
+    number = main[:, 4 * groups + tally.NUMBER] - main[:, 4 * groups + tally.SLOW]
+    speed = main[:, tally.ABOVE_SPEED + groups]
+    energy = main[:, 4 * groups + tally.ENERGY]
+    return np.stack([number, speed, energy], axis=2)
+
+
 class RampPaths:
     """Paths that are followed through stretches.
 
@@ -39,7 +52,7 @@ class RampPaths:
 
     def __init__(self, scenes: Sequence[Scene], paths: int, seed: np.random.SeedSequence) -> None:
         finest = max(scenes, key=steps_per_period)
-        self._meshes = scenes[0].stages
+        self._scene = scenes[0]
         self._walks = [
             Walk(finest, seed, first, min(WALKED_TOGETHER, paths - first))
             for first in range(0, paths, WALKED_TOGETHER)
@@ -52,18 +65,14 @@ class RampPaths:
 
         Shapes: each result (paths, groups, `COUNTED`).
         """
-        groups = np.arange(tally.MESH_GROUPS if self._meshes == 2 else 1)
 
         def follow_one(walk: Walk, stretch: RampStretch) -> Floats:
             sums = new_sums(walk.paths, 1, no_scales(stretch.slow), False)
-            walk.change_constants(stretch.constants)
+            quiet = quiet_of(self._scene, stretch.slow, None)
+            walk.change_constants(stretch.constants, quiet)
             walk.follow(sums, stretch.periods, stretch.periods)
             return sums.main[:, 0]
 
         for stretch in stretches:
             parts = pool.map(follow_one, self._walks, [stretch] * len(self._walks))
-            main = np.concatenate(list(parts))
-            number = main[:, 4 * groups + tally.NUMBER] - main[:, 4 * groups + tally.SLOW]
-            speed = main[:, tally.ABOVE_SPEED + groups]
-            energy = main[:, 4 * groups + tally.ENERGY]
-            yield np.stack([number, speed, energy], axis=2)
+            yield count_impacts(np.concatenate(list(parts)), self._scene.stages)

@@ -267,9 +267,13 @@ class Walk:
                 self._shorten()
         sums.batch[0] = batch
 
-    def change_constants(self, constants: Constants) -> None:
-        """Follow all paths with other constants from here on; their states stay as they are."""
-        self._block = self._block._replace(job=self._block.job._replace(c=constants))
+    def change_constants(self, constants: Constants, quiet: Quiet) -> None:
+        """Follow all paths with other constants from here on; their states stay as they are.
+
+        `quiet`: What of the motion at closed meshes is not followed any longer.
+        """
+        job = self._block.job._replace(c=constants, quiet=quiet)
+        self._block = self._block._replace(job=job)
 
     def _shorten(self) -> None:
         """Take shorter stretches from the next period on if some of this period had very many

@@ -24,7 +24,15 @@ OILED = Gears.driven(
 )
 
 
-@pytest.mark.parametrize("gears", [MOVED, TURNED, FAST, OILED], ids=["mm", "rad", "speed", "oil"])
+CURVED = Gears.driven(
+    **{name: v for name, v in FAST.values.items() if not name.startswith("torque")},
+    torque1_over_rpm={"polynomial": [8.0, 0.02, 2.5e-5], "rpm": [600, 3000]},
+)
+"""The same as a polynomial: 40 N mm at 800/min too."""
+TYPED = {"mm": MOVED, "rad": TURNED, "speed": FAST, "oil": OILED, "polynomial": CURVED}
+
+
+@pytest.mark.parametrize("gears", TYPED.values(), ids=TYPED.keys())
 def test_another_backlash_is_the_same_motion(gears):
     wide = replace(Scene.from_gears(gears).gears, backlash1=0.4)
     assert wide.amplitude == pytest.approx(0.3, rel=1e-15)
@@ -67,12 +75,23 @@ def test_a_drag_table_is_read_again_at_every_speed():
     assert constant.values["torque2_over_rpm"] == OIL
 
 
+def test_a_polynomial_of_the_speed_is_drag_too():
+    assert CURVED.torque1 == pytest.approx(OILED.torque1, rel=1e-14)
+    scene = Scene.from_gears(CURVED, sigma=0.1)
+    faster = scene.with_gears(speed_rpm=2000.0)
+    brake = FAST.torque1 - 100.0
+    assert faster.gears.torque1 == pytest.approx(8.0 + 40.0 + 100.0 + 2.5 * brake)
+    assert rattle_threshold(faster)[1].drag == faster.gears.torque2  # wheel 2 as wheel 1
+    with pytest.raises(InputError, match="the polynomial ends at 600 and 3000 1/min; give it for"):
+        scene.with_gears(speed_rpm=599.0)
+
+
 def test_a_repr_and_a_file_have_what_was_typed():
     assert "amplitude=0.3" in repr(MOVED)
     assert "alpha" not in repr(MOVED)
     assert "speed_rpm=800.0" in repr(FAST)
     assert "torque1=100.0" in repr(FAST)
-    for gears in (MOVED, TURNED, FAST, OILED, DAT21):
+    for gears in (*TYPED.values(), DAT21):
         scene = Scene.from_gears(gears, sigma=0.1)
         assert eval(repr(scene), {"Scene": Scene, "Gears": Gears, "DAT21": DAT21}) == scene
         again = Scene.from_toml(scene.to_toml())

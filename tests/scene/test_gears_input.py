@@ -74,6 +74,22 @@ def test_the_drive_is_given_as_alpha_or_as_an_amplitude(tmp_path, drive):
         ),
         (f"{TURNING}torque1_over_rpm = 5.0", "gears.torque1_over_rpm = 5.0: write it as"),
         (
+            f"{TURNING}torque1_over_rpm = {{ polynomial = [5, 0.01] }}",
+            "write { polynomial = [a0, a1, a2], rpm = [lowest, highest] }",
+        ),
+        (
+            f"{TURNING}torque1_over_rpm = {{ polynomial = [5, 'a'], rpm = [600, 900] }}",
+            "gears.torque1_over_rpm: a1 = 'a': give a number",
+        ),
+        (
+            f"{TURNING}torque1_over_rpm = {{ polynomial = [5, 0.01], rpm = [900, 600] }}",
+            "gears.torque1_over_rpm = [900, 600]: give a lowest speed and a higher one",
+        ),
+        (  # 5 at both ends, and less than nothing between them
+            f"{TURNING}torque1_over_rpm = {{ polynomial = [545, -1.5, 1e-3], rpm = [600, 900] }}",
+            "is -17.5 N mm at 750 1/min; drag cannot push a wheel",
+        ),
+        (
             "amplitude_rad = 0.01\ndriver_radius = 0.0",
             "gears.driver_radius = 0.0: must be greater than 0",
         ),
