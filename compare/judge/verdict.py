@@ -201,6 +201,11 @@ def join_words(items: Sequence[str]) -> str:
     return items[0] if len(items) == 1 else ", ".join(items[:-1]) + " and " + items[-1]
 
 
+def name_all(names: Iterable[str]) -> str:
+    """Some names in code, joined as in a sentence."""
+    return join_words([f"`{name}`" for name in names])
+
+
 def span(values: Iterable[float], form: str) -> str:
     """The range of some values in words; one value where they are the same as printed.
 
