@@ -71,6 +71,8 @@ class Column:
         """The content of its cell in a row."""
         form = self.form or self.head
         content = form.format_map(row) if "{" in form else row[form]
+        if content == "nan":
+            content = NO_VALUE
         if self.kind == TEXT:
             return TableCell(str(content), row[self.mark] if self.mark else "")
         return TableCell(content, row[self.mark]) if self.mark else content

@@ -7,13 +7,21 @@ clock measured.
 
 import math
 from collections.abc import Iterable, Sequence
-from functools import partial
 
+import numpy as np
 import pandas as pd
 
 from rattle.closure import refusals
 from rattle.compare.judge.rows import BY_SIZE
-from rattle.compare.judge.verdict import JUDGED, in_words, join_words, span, unbroken
+from rattle.compare.judge.verdict import (
+    JUDGED,
+    in_words,
+    join_words,
+    name_all,
+    span,
+    unbroken,
+)
+from rattle.compare.report.render import render_sentences
 from rattle.compare.report.texts import read_texts
 from rattle.compare.validation import comparison
 from rattle.compare.validation.comparison import Comparison, Sweep
@@ -36,46 +44,32 @@ def sigma_text(v: Comparison) -> str:
 
 
 def _largest_rho(validations: Sequence[Comparison], closure: str) -> float:
-    rows = (
-        v.correlation[v.correlation["closure"] == closure]["rho"].abs().max() for v in validations
-    )
-    return max((float(r) for r in rows if r == r), default=0.0)
+    rows = pd.concat([v.correlation for v in validations])
+    return float(np.fmax(rows[rows["closure"] == closure]["rho"].abs().max(), 0.0))
 
 
 def advice(validity: pd.DataFrame, impacts: int, speed: pd.DataFrame) -> str:
     """What to take for a gear pair at each noise intensity that was asked for, in one sentence."""
-    said = []
-    at = f"{impacts} impacts" if impacts > 1 else "the first impact"
+    takes = []
     for sigma, rows in validity.groupby("sigma", sort=False):
-        own = speed[(speed["sigma"] == sigma) & (speed["impacts"] == impacts)]
-        own = own.assign(timed=own["speed_up"].isna()).sort_values(["timed", "closure_seconds"])
-        slower = own["resolved"] & (own["speed_up"] < 1.0)
-        worth, dearer = ([f"`{c}`" for c in own[which]["closure"]] for which in (~slower, slower))
-        if worth:
-            timed = "" if not own["timed"].all() else "; its time is measured, and decides nothing"
-            said.append(
-                f"take {worth[0]} at σ = {sigma:.4g} (all means and sds at {at} are"
-                f" accurate{timed})"
-            )
-        else:
-            said.append(f"simulate at σ = {sigma:.4g} ({_none(rows, impacts, dearer)})")
-    return f"For this gear pair {'; '.join(said)}."
-
-
-def _none(rows: pd.DataFrame, impacts: int, dearer: list[str]) -> str:
-    """Why no closure is taken at a noise intensity; what is undecided must not be called wrong."""
-    if dearer:
-        takes = "is accurate, but takes" if len(dearer) == 1 else "are accurate, but take"
-        return f"{join_words(dearer)} {takes} more work than an equally accurate simulation"
-    undecided = [f"`{c}`" for c in rows[rows["not_inaccurate"] == impacts]["closure"]]
-    if undecided:
-        verb = "is" if len(undecided) == 1 else "are"
-        return f"{join_words(undecided)} {verb} undecided: more paths would settle it"
-    if impacts == 1:
-        return "no closure is accurate at the first impact"
-    best = rows.sort_values("accurate", ascending=False, kind="stable").iloc[0]
-    part = f", `{best['closure']}` at the first {best['accurate']}" if best["accurate"] > 0 else ""
-    return f"no closure is accurate at all {impacts} impacts{part}"
+        whole = speed.query("sigma == @sigma and impacts == @impacts")
+        timed = whole["speed_up"].isna()
+        whole = whole.assign(timed=timed).sort_values(["timed", "closure_seconds"])
+        slower = whole["resolved"] & (whole["speed_up"] < 1.0)
+        takes.append(
+            {
+                "sigma": sigma,
+                "worth": list(whole[~slower]["closure"]),
+                "slower": list(whole[slower]["closure"]),
+                "timed": timed.all(),
+                "undecided": list(rows[rows["not_inaccurate"] == impacts]["closure"]),
+                "best": rows.sort_values("accurate", ascending=False, kind="stable").iloc[0],
+            }
+        )
+    (sentence,) = render_sentences(
+        "validation/advice.j2", takes=takes, impacts=impacts, names=name_all
+    )
+    return sentence
 
 
 def cost_sentence(
@@ -156,39 +150,25 @@ def validity_sentence(validity: pd.DataFrame, impacts: int) -> str:
 def itinerary_sentence(validity: pd.DataFrame, impacts: int) -> list[str]:
     """What each closure is worth on its itinerary, and over all paths, in one sentence; and where
     there is no bulk."""
-    said = []
-    alone = validity["sigma"].nunique() == 1
+    reaches = {}
     for closure, rows in validity.groupby("closure", sort=False):
         at = rows.sort_values("sigma").set_index("sigma")
-        on, every = (
+        on, all_paths = (
             unbroken(at.index, at[name] == impacts) for name in ("itinerary_accurate", "accurate")
         )
         if on is not None:
-            reach = "" if alone else f" up to σ = {on:.4g}"
-            together = (
-                "it is not" if every is None else "it is too" if alone else f"up to σ = {every:.4g}"
-            )
-            share = f"On the itinerary, which {_all_but(float(at['leaving'].loc[on]))} paths follow"
-            said.append(f"{share}, `{closure}` is accurate{reach}; all paths together: {together}.")
+            leaving = float(at["leaving"].loc[on])
+            reaches[closure] = {"sigma": on, "all_paths": all_paths, "leaving": leaving}
     least = validity.groupby("sigma")["leaving"].min()
-    lost = least.index[least > 1.0 - HALF_OF_PATHS]
-    if len(lost):
-        where = "F" if alone else f"At σ = {join_words([f'{sigma:.4g}' for sigma in lost])} f"
-        said.append(
-            f"{where}ewer than half of the paths follow any closure's itinerary to the last impact:"
-            " where fewer than half do, only all paths together are judged."
-        )
-    return [" ".join(said)] if said else []
-
-
-def _all_but(probability: float) -> str:
-    """How many paths follow, in words: all but a small share."""
-    if not probability >= SMALLEST:
-        return "all but fewer than one in a billion"
-    if probability >= 1e-3:
-        return f"all but {percent(probability)} of the"
-    per, name = (1e6, "a million") if probability >= 1e-6 else (1e9, "a billion")
-    return f"all but {float(f'{probability * per:.2g}'):g} in {name}"
+    return render_sentences(
+        "validation/itinerary.j2",
+        reaches=reaches,
+        lost=[f"{sigma:.4g}" for sigma in least.index[least > 1.0 - HALF_OF_PATHS]],
+        alone=len(least) == 1,
+        smallest=SMALLEST,
+        percent=percent,
+        join=join_words,
+    )
 
 
 UNFINISHED = (
@@ -240,9 +220,9 @@ def answer(validations: Sequence[Comparison], swept: Sweep | None = None) -> lis
             broken.append(f"the moments of `{closure}` are impossible {where}")
         # a mixture always is, and not there
         elif any(closure in set(v.correlation["closure"]) for v in validations):
-            realizable.append(f"`{closure}`")
+            realizable.append(closure)
     if realizable:
-        broken.append(f"the moments of {join_words(realizable)} stay possible")
+        broken.append(f"the moments of {name_all(realizable)} stay possible")
     speed = comparison.measure_speeds(validations)
     over = swept.speed if swept else None
     validity = comparison.find_validities(validations)
@@ -277,14 +257,13 @@ def answer(validations: Sequence[Comparison], swept: Sweep | None = None) -> lis
 
 def _shares(v: Comparison) -> str:
     """How many section moments of each closure are accurate."""
-    each = []
+    shares = []
     for closure in v.predictions:
-        good, bad, undecided = (
-            (v.section_rows(closure)["verdict"] == verdict).sum() for verdict in JUDGED
-        )
+        counts = v.section_rows(closure)["verdict"].value_counts()
+        good, _, undecided = numbers = [counts.get(verdict, 0) for verdict in JUDGED]
         beside = f" ({undecided} undecided)" if undecided else ""
-        each.append(f"`{closure}` {good} of {good + bad + undecided}{beside}")
-    return f"at σ = {sigma_text(v)} {join_words(each)}"
+        shares.append(f"`{closure}` {good} of {sum(numbers)}{beside}")
+    return f"at σ = {sigma_text(v)} {join_words(shares)}"
 
 
 def _failures(validations: Sequence[Comparison]) -> list[str]:
@@ -321,40 +300,33 @@ def by_size_sentence(validations: Sequence[Comparison]) -> list[str]:
     none."""
     rows = pd.concat([v.of_all_paths.assign(sigma=sigma_text(v)) for v in validations])
     rows = rows[rows["remark"] == BY_SIZE]
-    shares = [
-        f"at σ = {sigma} " + join_words([f"`{closure}` {n}" for closure, n in counts.items()])
-        for sigma, counts in (
-            (sigma, closures.value_counts(sort=False))
-            for sigma, closures in rows.groupby("sigma", sort=False)["closure"]
-        )
-    ]
+    shares = []
+    for sigma, closures in rows.groupby("sigma", sort=False)["closure"]:
+        counts = closures.value_counts(sort=False).items()
+        shares.append(f"at σ = {sigma} {join_words([f'`{name}` {n}' for name, n in counts])}")
     return [f"Moments not measured in sds ({BY_SIZE}): {'; '.join(shares)}."] if shares else []
 
 
 def correlation_claim(validations: Sequence[Comparison]) -> str:
     """The paper's argument that the density is not Gaussian because |rho| may exceed 1, compared
     with the evidence."""
-    if (
-        "published" not in validations[0].predictions
-        or "corrected" not in validations[0].predictions
-    ):
+    if not {"published", "corrected"} <= validations[0].predictions.keys():
         return ""
     evidence = []
     for v in validations:
-        rows = v.correlation[
-            (v.correlation["closure"] == "published") & ~v.correlation["realizable"]
-        ]
+        rows = v.correlation.query("closure == 'published' and not realizable")
         impacts = rows["impact"]
         beyond = rows["rho"].abs().max()
-        excess = f", |ρ| up to {beyond:.3g}" if beyond > 1.0 else ""
-        where = (
-            f"at {impacts.nunique()} impacts, the first being {impacts.min()}{excess}"
-            if len(rows)
-            else "nowhere"
-        )
+        where = "nowhere"
+        if len(rows):
+            where = f"at {impacts.nunique()} impacts, the first being {impacts.min()}"
+        if beyond > 1.0:
+            where += f", |ρ| up to {beyond:.3g}"
         evidence.append(f"at σ = {sigma_text(v)} {where}")
-    texts = read_texts("validation")
-    largest = partial(_largest_rho, validations)
-    rule = texts["one_stage" if validations[0].scene.stages == 1 else "two_stages"]
-    sizes = {"corrected": largest("corrected"), "simulated": largest(SIMULATED)}
-    return str(texts["claim"].format(evidence="; ".join(evidence), rule=rule, **sizes))
+    texts: dict[str, str] = read_texts("validation")
+    return texts["claim"].format(
+        evidence="; ".join(evidence),
+        rule=texts["one_stage" if validations[0].scene.stages == 1 else "two_stages"],
+        corrected=_largest_rho(validations, "corrected"),
+        simulated=_largest_rho(validations, SIMULATED),
+    )

@@ -139,9 +139,11 @@ def _fill(
         content["validity_paths"] = settings.validity_paths
         content["speed"] = tables.speed_rows(swept.speed)
     if schemes is not None:
+        sampled = schemes["paths"] > 0
+        shown = schemes.assign(paths=schemes["paths"].where(sampled))
         content["beside"] = schemes["paths"].max()
         content["schemes"] = [
-            (sigma_text(v), tables.scheme_table(schemes, v.scene.sigma)) for v in validations
+            (sigma_text(v), shown[shown["sigma"] == v.scene.sigma]) for v in validations
         ]
     return content
 

@@ -3,12 +3,13 @@ mm/s and mJ."""
 
 import math
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from rattle.compare.judge.verdict import JUDGED, MARKS, Verdict
-from rattle.compare.report.table import Table, TableCell, of_numbers
+from rattle.compare.report.table import NO_VALUE, Table, TableCell
 from rattle.compare.validation.comparison import CAUSES, Comparison, find_validities
 from rattle.compare.validation.errors import ON_ITINERARY
 from rattle.compare.validation.realizability import (
@@ -37,16 +38,18 @@ def count_verdicts(v: Comparison) -> pd.DataFrame:
     """Number of moments with each verdict, by closure and kind of moment."""
     names = {"section": "section {}s", ON_ITINERARY: "section {}s, paths on its itinerary"}
     groups = v.table.groupby(["closure", "kind", "moment"], sort=False)["verdict"]
+    no_verdicts = dict.fromkeys(Verdict, 0)
     return pd.DataFrame(
         {"closure": closure, "what": names.get(str(kind), "ρ at mid-flight").format(moment)}
-        | {w: int((said == w).sum()) for w in Verdict}
-        for (closure, kind, moment), said in groups
+        | no_verdicts
+        | verdicts.value_counts().to_dict()
+        for (closure, kind, moment), verdicts in groups
     )
 
 
 def _cell(row: pd.Series) -> TableCell:
     if row["verdict"] not in JUDGED:
-        return TableCell("–")
+        return TableCell(NO_VALUE)
     unit = row["unit"] if row["unit"] > 0.0 else 1.0
     error = row["error"] / unit
     half = 0.5 * (row["high"] - row["low"]) / unit
@@ -59,25 +62,23 @@ def _cell(row: pd.Series) -> TableCell:
 def impact_table(v: Comparison, closure: str) -> Table:
     """Errors of a closure at each impact, in sds, with the half width of their intervals."""
     section = v.predictions[closure].section
-    cells = {
-        (r["moment"], r["quantity"], r["impact"]): _cell(r)
-        for _, r in v.section_rows(closure).iterrows()
-    }
-    columns: dict[str, list[TableCell | str]] = {
-        "impact": [str(impact) for impact in section.index],
-        "agreement": [f"{share:.3f}" for share in v.run.agreement[closure][section.index]],
+    rows = v.section_rows(closure)
+    rows = rows.assign(cell=rows.apply(_cell, axis="columns"))
+    cells = rows.pivot(index="impact", columns=["moment", "quantity"], values="cell")
+    columns: dict[str, Any] = {
+        "impact": map(str, section.index),
+        "agreement": map("{:.3f}".format, v.run.agreement[closure][section.index]),
     }
     for moment, quantity in MOMENTS_SHOWN:
         if v.scene.stages == 2 or quantity != "y2":
             head = f"{'E' if moment == 'mean' else 'sd'} {'τ' if quantity == 'tau' else quantity}"
-            columns[head] = [cells[moment, quantity, impact] for impact in section.index]
+            columns[head] = cells[moment, quantity].reindex(section.index).to_numpy()
     for stage in range(1, v.scene.stages + 1):
         columns[f"ρ{stage}"] = [
-            "–" if pd.isna(rho) else f"{rho:.3f}" for rho in section[f"rho{stage}"]
+            NO_VALUE if pd.isna(rho) else f"{rho:.3f}" for rho in section[f"rho{stage}"]
         ]
-    columns["realizable"] = ["yes" if possible else "no" for possible in section["realizable"]]
-    heads = [name if name == "realizable" else of_numbers(name) for name in columns]
-    return Table.of(heads, zip(*columns.values(), strict=True))
+    columns["realizable"] = np.where(section["realizable"], "yes", "no")
+    return Table.whole(pd.DataFrame(columns), texts=["realizable"])
 
 
 def find_failures(v: Comparison) -> pd.DataFrame:
@@ -192,31 +193,30 @@ def motion_table(v: Comparison) -> Table:
     plain = v.run.section
     physical = v.run.section_in("physical")
     speeds = [f"y{i}" for i in range(1, v.scene.stages + 1)]
-    columns = {"impact": [str(impact) for impact in plain.index], "τ": _spreads(plain, "tau")}
+    columns: dict[str, Any] = {"impact": map(str, plain.index), "τ": _spreads(plain, "tau")}
     columns |= {name: _spreads(plain, name) for name in speeds}
     columns |= {"time [ms]": _spreads(physical, "tau_ms")}
     columns |= {f"{name} [mm/s]": _spreads(physical, f"{name}_mm_per_s") for name in speeds}
     if "energy_mJ" in physical:
-        columns["energy [mJ]"] = [f"{energy:.3g}" for energy in physical["energy_mJ"]]
-    return Table.of(map(of_numbers, columns), zip(*columns.values(), strict=True))
+        columns["energy [mJ]"] = map("{:.3g}".format, physical["energy_mJ"])
+    return Table.whole(pd.DataFrame(columns))
 
 
 def time_table(v: Comparison) -> Table:
     """The simulated means and sds at fixed times in both systems of units."""
     plain = v.run.at_times()
     physical = v.run.at_times(units="physical")
-    columns = {"τ": [f"{time:.4g}" for time in plain.index]}
-    columns |= {
-        name: _spreads(plain, name, f"cov_{name}_{name}") for name in STATE[: 2 * v.scene.stages]
-    }
-    columns["time [ms]"] = [f"{time:.4g}" for time in physical.index]
-    for name in STATE[: 2 * v.scene.stages]:
+    state = STATE[: 2 * v.scene.stages]
+    columns: dict[str, Any] = {"τ": map("{:.4g}".format, plain.index)}
+    columns |= {name: _spreads(plain, name, f"cov_{name}_{name}") for name in state}
+    columns["time [ms]"] = map("{:.4g}".format, physical.index)
+    for name in state:
         unit = "mm" if name.startswith("x") else "mm_per_s"
         variance = f"cov_{name}_{name}_{PRODUCTS[unit, unit]}"
         columns[f"{name} [{unit.replace('_per_', '/')}]"] = _spreads(
             physical, f"{name}_{unit}", variance
         )
-    return Table.of(map(of_numbers, columns), zip(*columns.values(), strict=True))
+    return Table.whole(pd.DataFrame(columns))
 
 
 def duration_words(v: Comparison) -> str:
@@ -268,30 +268,3 @@ def _spreads(table: pd.DataFrame, name: str, variance: str = "") -> list[str]:
         "–" if pd.isna(mean) else f"{mean:.4g} ± {float(f'{sd:.2g}'):g}"
         for mean, sd in zip(table[name], sds, strict=True)
     ]
-
-
-NUMBERS = ("bias_mean", "bias_sd", "error_mean", "error_sd", "core_seconds")
-FORMS = {"dt": ".4g", "paths": ",.0f", **dict.fromkeys(NUMBERS, ".3g")}
-"""How the page shows the columns of `rattle.compare.validation.validate.compare_schemes`."""
-
-
-def scheme_table(found: pd.DataFrame, sigma: float) -> Table:
-    """The rows of one noise intensity."""
-    own = found[found["sigma"] == sigma].replace({"paths": {0: np.nan}})
-    rows = [
-        [
-            r["method"],
-            *("–" if pd.isna(r[name]) else format(r[name], form) for name, form in FORMS.items()),
-        ]
-        for r in own.to_dict("records")
-    ]
-    heads = (
-        "dt",
-        "paths",
-        "bias of a mean",
-        "bias of an sd",
-        "off by, mean",
-        "off by, sd",
-        "processor time in s",
-    )
-    return Table.of(["scheme or closure", *map(of_numbers, heads)], rows)
