@@ -14,7 +14,8 @@ import pandas as pd
 
 from rattle.compare.report.json_text import check_not_newer, json_digest, plain
 from rattle.compare.report.provenance import versions
-from rattle.scene import FileError, Floats, InputError, Scene, check_keys, line
+from rattle.compare.report.render import render_sentences
+from rattle.scene import FileError, Floats, InputError, Scene, check_keys
 from rattle.scene.files import read_json, read_text
 
 VERSION = 1
@@ -186,46 +187,24 @@ class Repeat(NamedTuple):
     @property
     def sentences(self) -> list[str]:
         """The result in sentences for the user."""
-        if self.outcome == BIT_FOR_BIT:
-            return ["Repeated bit for bit."]
-        found = "The numbers differ from the manifest's"
-        if self.outcome == ROUNDED:
-            found = "Repeated but for rounding"
-        largest = self.largest
-        if largest is None:
-            return [f"{found}. Only digests could be compared: {self.why}.", self._versions]
-        if math.isinf(largest.sds):
-            return [f"{found}: {largest.where}.", self._versions]
-        size = f"{largest.sds:.2g} sd"
-        if not math.isnan(largest.errors):
-            size += f", {largest.errors:.2g} standard errors"
-        bound = (
-            f"Up to {SAMPLED_ROUNDING:g} standard errors, or {PREDICTED_ROUNDING:g} sd"
-            " where nothing is sampled, counts as rounding."
+        return render_sentences(
+            "report/repeat.j2",
+            repeat=self,
+            exact=BIT_FOR_BIT,
+            rounded=ROUNDED,
+            sampled=SAMPLED_ROUNDING,
+            predicted=PREDICTED_ROUNDING,
+            differ=[
+                f"{name} {there}, here {here}"
+                for name, (there, here) in self.changed.items()
+                if there is not None
+            ],
+            missing=[
+                f"{name} (here {here})"
+                for name, (there, here) in self.changed.items()
+                if there is None
+            ],
         )
-        return [
-            f"{found}: the largest difference is {size} ({largest.where}). {bound}",
-            self._versions,
-        ]
-
-    @property
-    def _versions(self) -> str:
-        """The versions that are not those of the manifest."""
-        differ = []
-        missing = []
-        for name, (there, here) in self.changed.items():
-            if there is None:
-                missing.append(f"{name} (here {here})")
-            else:
-                differ.append(f"{name} {there}, here {here}")
-        sentences = []
-        if differ:
-            sentences.append(f"The manifest's versions that differ: {'; '.join(differ)}.")
-        if missing:
-            sentences.append(f"The manifest does not record: {', '.join(missing)}.")
-        if not sentences:
-            return "All versions and the processor are those of the manifest."
-        return line(" ".join(sentences))
 
     def to_dict(self) -> dict[str, Any]:
         """The result as plain data for JSON."""

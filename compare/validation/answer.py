@@ -83,35 +83,33 @@ def cost_sentence(
 
     `duration`: How long the motion is in physical units, as "the first 24 ms", if that is known.
     """
-    number = f"{impacts} impact{'s' if impacts > 1 else ''}"
-    motion = f" ({duration})" if duration else ""
-    schemes = sorted(set(simulation["scheme"]) - {"exact-flight"})  # which `rattle simulate` takes
-    by = f" by {join_words(schemes)}" if schemes else ""
-    what = f"{number}{motion}{by} to {comparison.WANTED:.0%} of an sd"
-    each = [
-        f"{duration_text(row['core_seconds'], 2)} at σ = {row['sigma']:.4g}"
-        f" ({_paths(row['paths'], row['branches'])})"
-        for row in simulation.to_dict("records")
-    ]
-    whole = speed[speed["impacts"] == impacts]
-    said = (
-        f"Nominal time on one core, from counted work: a simulation of {what} takes"
-        f" {join_words(each)}"
-    )
-    timed = whole["speed_up"].isna()
-    for rows, prefix in (
-        (whole[~timed], "; "),
-        (whole[timed], "; measured on this machine, not counted: "),
-    ):
-        longest = rows.groupby("closure", sort=False)["closure_seconds"].max()
-        times = [f"`{name}` {duration_text(seconds, 2)}" for name, seconds in longest.items()]
-        said += f"{prefix}{join_words(times)}" if times else ""
+    at = speed["impacts"] == impacts
+    longest = speed[at].groupby("closure", sort=False)["closure_seconds"].max()
+    measured = longest.index.isin(speed[at & speed["speed_up"].isna()]["closure"])
+    cheaper: dict[object, list[str]] = {}
     if over is not None:
-        slower = over[over["resolved"] & (over["speed_up"] < 1.0) & (over["impacts"] == impacts)]
-        for closure, rows in slower.groupby("closure", sort=False):
-            at = join_words([f"{sigma:.4g}" for sigma in rows["sigma"]])
-            said += f"; at σ = {at} an equally accurate simulation takes less than `{closure}`"
-    return f"{said}."
+        slower = over["resolved"] & (over["speed_up"] < 1.0) & (over["impacts"] == impacts)
+        for closure, sigmas in over[slower].groupby("closure", sort=False)["sigma"]:
+            cheaper[closure] = [f"{sigma:.4g}" for sigma in sigmas]
+    (sentence,) = render_sentences(
+        "validation/cost.j2",
+        impacts=impacts,
+        motion=duration,
+        # exact flights are what `rattle simulate` takes
+        schemes=sorted(set(simulation["scheme"]) - {"exact-flight"}),
+        wanted=comparison.WANTED,
+        simulations=[
+            f"{duration_text(row['core_seconds'], 2)} at σ = {row['sigma']:.4g}"
+            f" ({_paths(row['paths'], row['branches'])})"
+            for row in simulation.to_dict("records")
+        ],
+        counted=longest[~measured].to_dict(),
+        measured=longest[measured].to_dict(),
+        cheaper=cheaper,
+        duration=duration_text,
+        join=join_words,
+    )
+    return sentence
 
 
 def _paths(paths: float, branches: int) -> str:

@@ -21,7 +21,8 @@ from rattle.compare.checks.stability.chart import (
     UNSTABLE,
     Chart,
 )
-from rattle.compare.judge.verdict import Tolerances, join_words
+from rattle.compare.judge.verdict import Tolerances
+from rattle.compare.report.render import render_sentences
 from rattle.compare.report.report import Report
 from rattle.compare.report.style import legend_above, new_figure
 from rattle.compare.report.texts import SCHEME_TERMS, glossary
@@ -148,11 +149,9 @@ STABILITY_WORDS = (
 MARK = {UNBIASED: "good", BIASED: "bad", UNSTABLE: "bad", CHART_UNDECIDED: "open"}
 
 
-def answer(found: Chart) -> list[str]:
-    """Summarise the map in sentences."""
+def answer(found: Chart, tried: Sequence[Result] = ()) -> list[str]:
+    """Summarise the map, and the checks at extreme values, in sentences."""
     cells = found.admissible
-    undiagnosed = found.without_diagnostic
-    counts = cells["verdict"].value_counts().reindex(CHART_MARKS, fill_value=0)
     wrong = cells[cells["verdict"].isin((BIASED, UNSTABLE))]
     default = found.table[found.table["default"]]
     good = default["verdict"] == UNBIASED
@@ -165,36 +164,21 @@ def answer(found: Chart) -> list[str]:
         }
     )
     by_scheme = by_scheme.groupby(default["scheme"], sort=False).sum()
-    sentences = [
-        _advice(by_scheme),
-        f"With admissible steps {counts[UNBIASED]} of {len(cells)} cells are unbiased,"
-        f" {counts[CHART_UNDECIDED]} undecided, {counts[BIASED]} biased and"
-        f" {counts[UNSTABLE]} unstable;"
-        f" diagnostics report {wrong['diagnosed'].sum()} of these {len(wrong)} biased and unstable"
-        " cells.",
-    ]
-    if len(undiagnosed):
-        sentences.append(
-            f"{len(undiagnosed)} admissible cells are biased or unstable without a diagnostic: a"
-            " defect."
-        )
-    for row in by_scheme.itertuples():
-        sentences.append(
-            f"`{row.Index!s}` at its default step: {row.good} of {row.cells} cells shown to be"
-            f" unbiased, {row.diagnosed} others with a diagnostic."
-        )
-    return sentences
-
-
-def _advice(by_scheme: pd.DataFrame) -> str:
-    """Which scheme to take, by the cells at the default step."""
-    rows: Any = by_scheme.sort_values("good", ascending=False, kind="stable").itertuples()
-    best, *others = rows
-    counts = [f"{row.good} for `{row.Index}`" for row in others]
-    beside = f" (unbiased: {join_words(counts)})" if others else ""
-    return (
-        f"Take `{best.Index}`: at its default step {best.good} of {best.cells} scenes, extreme ones"
-        f" among them, are shown to be unbiased and {best.wrong or 'none'} to be biased{beside}."
+    best = by_scheme.sort_values("good", ascending=False, kind="stable")
+    return render_sentences(
+        "checks/stability/answer.j2",
+        UNBIASED=UNBIASED,
+        UNDECIDED=CHART_UNDECIDED,
+        BIASED=BIASED,
+        UNSTABLE=UNSTABLE,
+        best=list(best.itertuples()),
+        schemes=list(by_scheme.itertuples()),
+        counts=cells["verdict"].value_counts().reindex(CHART_MARKS, fill_value=0),
+        cells=len(cells),
+        wrong=len(wrong),
+        diagnosed=wrong["diagnosed"].sum(),
+        undiagnosed=len(found.without_diagnostic),
+        tried=tried,
     )
 
 
@@ -215,12 +199,6 @@ def _extreme_row(result: Result) -> dict[str, Any]:
 
 def make_report(found: Chart, tried: Sequence[Result], record: dict[str, Any]) -> Report:
     """The report on the map."""
-    sentences = answer(found)
-    if tried:
-        sentences.append(
-            f"{sum(row.holds for row in tried)} of {len(tried)} extremes of the formulas and"
-            " samplers hold."
-        )
     cells = found.admissible[found.admissible["verdict"] != COLLAPSING]
     table = found.table.assign(
         mark=[MARK.get(verdict, "open") for verdict in found.table["verdict"]],
@@ -240,7 +218,7 @@ def make_report(found: Chart, tried: Sequence[Result], record: dict[str, Any]) -
     return Report(
         "stability",
         "Where is each scheme stable and unbiased?",
-        sentences,
+        answer(found, tried),
         record,
         content,
         glossary(*STABILITY_WORDS, gears=Scene.from_dict(record["scene"]).gears),
