@@ -15,7 +15,7 @@ import click
 from rattle.compare.cli.ranges import RangeType
 from rattle.compare.report.folder import check_free, default_place, name_of, report_files
 from rattle.compare.report.interrupt import stored
-from rattle.compare.report.json_text import json_text
+from rattle.compare.report.json_text import Facts, json_text
 from rattle.scene import DAT21, Scene, choice, compile_ahead, count, harmless
 from rattle.scene.progress import ESTIMATES, apart_from_bars, do, print_on_stderr
 
@@ -305,7 +305,7 @@ class Results:
             return "nothing was written"
         return f"{number} results stored in {cells}; run the same command again to continue"
 
-    def say(self, sentences: Iterable[str], data: Callable[[], dict[str, Any]] = dict) -> None:
+    def say(self, sentences: Iterable[str], data: Callable[[], Facts] = dict) -> None:
         """Print the answer and the place of the page, or the data as JSON."""
         if self.as_json:
             say_json(data() | {"report": self.out if self.writes else None})
@@ -361,7 +361,7 @@ def estimates_shown() -> Iterator[None]:
         ESTIMATES.setLevel(level)
 
 
-def pick(settings: Mapping[str, Any], *names: str) -> dict[str, Any]:
+def pick(settings: Mapping[str, Any], *names: str) -> Facts:
     """Some of the settings."""
     return {name: settings[name] for name in names}
 

@@ -13,6 +13,7 @@ from rattle.compare.cli import shared
 from rattle.compare.cli.shared import say, say_json, say_lines
 from rattle.compare.report.folder import ANY_TEXT, sweep, write_whole
 from rattle.compare.report.interrupt import stored
+from rattle.compare.report.json_text import Facts
 from rattle.scene import InputError, OutputError, RattleError, count, line
 
 LOOKED_AT = 200  # points of a grid from which --explain estimates the cost of all
@@ -106,7 +107,7 @@ def study(
 
 def _compute(
     wanted: "rt.Study", seen: Any, folder: Path, workers: int, scheduler: str | None
-) -> dict[str, Any]:
+) -> Facts:
     """Run the study and write its page; returns the record of the page, or only the answer if it
     cannot be written."""
     from rattle.compare.engine.cluster import Cluster
@@ -146,7 +147,7 @@ def _compute(
     return record
 
 
-def _read_finished(wanted: "rt.Study", seen: Any, folder: Path) -> dict[str, Any] | None:
+def _read_finished(wanted: "rt.Study", seen: Any, folder: Path) -> Facts | None:
     """The record of a study whose cells and page are complete; None if something is to be computed
     or written."""
     from rattle.compare.study.folder import FILE, SCRATCH_PART, is_current, is_current_file

@@ -33,21 +33,13 @@ def error_panel(
     for closure, shift in offsets(closures).items():
         of_closure = rows[rows["closure"] == closure]
         error, low, high = (of_closure[n] / of_closure["unit"] for n in ("error", "low", "high"))
+        at = of_closure["at"] + shift
         bars = [error - low, high - error]
-        ax.errorbar(
-            of_closure["at"] + shift,
-            error,
-            bars,
-            ls="none",
-            ms=4,
-            capsize=2,
-            label=closure,
-            **STYLE[closure],
-        )
+        style = {"label": closure, "ms": 4, **STYLE[closure]}
+        ax.errorbar(at, error, bars, ls="none", capsize=2, **style)
     if rows.empty:
-        ax.text(
-            0.5, 0.75, "no closure predicts it", transform=ax.transAxes, ha="center", color="0.35"
-        )
+        place = ax.transAxes
+        ax.text(0.5, 0.75, "no closure predicts it", transform=place, ha="center", color="0.35")
     ax.set_yscale("symlog", linthresh=LINEAR_ERRORS)
     limit = max(10.0, *(abs(t) for t in ax.get_ylim()))
     ax.set_ylim(-limit, limit)
@@ -64,16 +56,16 @@ def draw_errors(found: Any) -> Figure:
     columns = max(min(len(panels), in_a_row), 1)
     rows = max(-(-len(panels) // columns), 1)
     figure, axes = new_figure(3.4 * columns + 0.6, 1.0 + 2.5 * rows, rows, columns)
-    tolerances = dict(zip(("mean", "sd", "rho", "skew", "kurt"), found.tolerances, strict=True))
     for ax, (moment, quantity) in zip(axes, panels, strict=False):
-        here = table[(table["moment"] == moment) & (table["quantity"] == quantity)]
-        error_panel(ax, here, found.closures, tolerances[moment], "counts as accurate")
-        ax.set(xlim=(0.5, len(labels) + 0.5), xlabel=found.label)
+        here = table.query("moment == @moment and quantity == @quantity")
+        tolerance = getattr(found.tolerances, moment)
+        error_panel(ax, here, found.closures, tolerance, "counts as accurate")
+        unit = "error / sd" if moment in ("mean", "sd") else "error"
+        ax.set(xlim=(0.5, len(labels) + 0.5), xlabel=found.label, ylabel=unit)
         shown = range(0, len(labels), max(len(labels) // 6, 1))
         ax.set_xticks([at + 1 for at in shown], [_short(labels[at]) for at in shown])
         name = SYMBOL.get(quantity, quantity)
         ax.set_title(name if moment == "rho" else f"{moment} of {name}", loc="left")
-        ax.set_ylabel("error / sd" if moment in ("mean", "sd") else "error")
     for ax in axes[len(panels) :]:
         ax.set_visible(False)
     legend_above(figure, axes[: max(len(panels), 1)], 5)

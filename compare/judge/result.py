@@ -3,12 +3,13 @@ as a report."""
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import pandas as pd
 
 from rattle.compare.judge.reference import UNSEEN_PATHS
 from rattle.compare.judge.verdict import JUDGED, Verdict, name_all, unbroken
+from rattle.compare.report.json_text import Facts
 from rattle.compare.report.render import render_sentences
 from rattle.scene import as_html
 from rattle.scene.numpy_errors import numpy_defaults
@@ -156,7 +157,7 @@ class Judgement(Verdicts):
             reached=self.table.groupby(self.label, sort=False)["paths"].min(),
         )
 
-    def _summarise(self, name: str) -> dict[str, Any]:
+    def _summarise(self, name: str) -> Facts:
         """Up to which row a closure is accurate, and its worst error, for the sentence on it."""
         judged = self.table.query("closure == @name and verdict in @JUDGED")
         accurate = judged["verdict"].eq(Verdict.ACCURATE)
@@ -185,7 +186,7 @@ class Judgement(Verdicts):
     def _repr_html_(self) -> str:
         return as_html(repr(self), self.table.to_html(max_rows=40))
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> Facts:
         """Answer and table as plain data."""
         return {
             "answer": self.answer,

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
-from rattle.compare.report.json_text import check_not_newer, json_digest, plain
+from rattle.compare.report.json_text import Facts, check_not_newer, json_digest, plain
 from rattle.compare.report.provenance import versions
 from rattle.compare.report.render import render_sentences
 from rattle.scene import FileError, Floats, InputError, Scene, check_keys
@@ -44,18 +44,22 @@ class ReportSettings(NamedTuple):
     beside: tuple[str, ...] = ()  # schemes whose ensembles are shown beside that of the report
 
     @property
-    def simulation(self) -> dict[str, Any]:
+    def simulation(self) -> Facts:
         """Settings of every simulation of the report, except scene and threads."""
-        return {name: getattr(self, name) for name in ("paths", "impacts", "dt", "scheme")} | {
-            "rng": self.seed
+        return {
+            "paths": self.paths,
+            "impacts": self.impacts,
+            "dt": self.dt,
+            "scheme": self.scheme,
+            "rng": self.seed,
         }
 
     @property
-    def sweep(self) -> dict[str, Any]:
+    def sweep(self) -> Facts:
         """Settings of the simulations for the range of validity."""
         return {"paths": self.validity_paths, "impacts": self.impacts, "rng": self.seed}
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> Facts:
         """The settings as plain data for the manifest."""
         return {**self._asdict(), "scenes": [s.to_dict() for s in self.scenes]}
 
@@ -106,7 +110,7 @@ def read_settings(path: Path) -> Recorded:
         ) from None
 
 
-def seal(record: Mapping[str, Any]) -> dict[str, Any]:
+def seal(record: Mapping[str, Any]) -> Facts:
     """Add a digest of a record to it, so that a later change is detected."""
     record = plain(record)
     return {**record, "seal": json_digest(record)}
@@ -206,17 +210,16 @@ class Repeat(NamedTuple):
             ],
         )
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> Facts:
         """The result as plain data for JSON."""
-        changed = {
-            name: {"manifest": there, "here": here} for name, (there, here) in self.changed.items()
-        }
-        largest = self.largest and self.largest._asdict()
         return {
             "outcome": self.outcome,
-            "largest_difference": largest,
+            "largest_difference": self.largest and self.largest._asdict(),
             "why": self.why,
-            "changed": changed,
+            "changed": {
+                name: {"manifest": there, "here": here}
+                for name, (there, here) in self.changed.items()
+            },
         }
 
 
@@ -269,12 +272,12 @@ def difference(one: pd.DataFrame, other: pd.DataFrame, paths: int) -> Difference
     excess = sds / (PREDICTED_ROUNDING + SAMPLED_ROUNDING * unit)
     if not excess.max(initial=0.0) > 0.0:
         return Difference(0.0, 0.0, math.nan, "only digits or words differ")
-    column, row = np.unravel_index(np.argmax(excess), excess.shape)
+    place = np.unravel_index(np.argmax(excess), excess.shape)
+    column, row = place
     name = names[column]
     which = ", ".join(f"{n} {one[n].iloc[row]}" for n in NAMING if n in one and n != name)
     where = f"column {name}, {which}: {one[name].iloc[row]} and {other[name].iloc[row]}"
-    sizes = [float(of[column, row]) for of in (excess, sds, errors)]
-    return Difference(sizes[0], sizes[1], sizes[2], where)
+    return Difference(float(excess[place]), float(sds[place]), float(errors[place]), where)
 
 
 def _differences(

@@ -16,6 +16,7 @@ from typing import Any
 import numba
 from llvmlite import binding
 
+from rattle.compare.report.json_text import Facts
 from rattle.scene import OutputError
 from rattle.scene.sources import PACKAGES, describe_difference, sources_in
 
@@ -38,7 +39,7 @@ class Stopwatch:
         return {"wall_seconds": round(wall, 1), "cpu_seconds": round(cpu, 1)}
 
 
-def provenance(watch: Stopwatch | None = None) -> dict[str, Any]:
+def provenance(watch: Stopwatch | None = None) -> Facts:
     """Command, commit and versions of this run, and its time if a watch has taken it; for the
     manifest.
 

@@ -175,7 +175,7 @@ def agreement_figure(validations: Sequence[Comparison]) -> Figure:
             label = rf"$\sigma$ = {v.scene.sigma:.4g}"
             ax.plot(share, marker=marker, ms=4, lw=1.2, color=shade, label=label)
             if "branching" in closures:
-                predicted = v.predictions["branching"].section.get("agreement", [])
+                predicted: Any = v.predictions["branching"].section.get("agreement", [])
                 ax.plot(share.index[: len(predicted)], predicted, color=shade, ls="--", lw=1.0)
         ax.set(ylim=(-0.03, 1.05), xlabel="impact", ylabel="share of paths on it")
         whole_impacts(ax)

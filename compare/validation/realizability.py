@@ -121,8 +121,8 @@ def section_distances(prediction: MeanMap, run: Ensemble) -> pd.DataFrame:
             seen = [float(sampled[prefix + quantity].loc[impact]) for prefix in ("", "sd_")]
             true_mean, true_sd = limit.get((impact, quantity), seen)
             edges, _ = histograms.density(impact, quantity)
-            places = true_mean + (edges - seen[0]) * (true_sd / seen[1])
-            apart = distances(bin_masses(density, places, mean, sd), counts)
+            shifted = true_mean + (edges - seen[0]) * (true_sd / seen[1])
+            apart = distances(bin_masses(density, shifted, mean, sd), counts)
             records.append((prediction.closure, impact, quantity, *apart, paths))
     names = ["closure", "impact", "quantity", *Distances._fields, "paths"]
     return pd.DataFrame(records, columns=names)

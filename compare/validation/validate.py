@@ -5,6 +5,7 @@ import math
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -326,43 +327,35 @@ def compare_schemes(
     """Simulate each scene of some validations by each of these schemes; a row for each of them and
     for each closure."""
     rows = []
+    at = ["impact", "quantity", "moment"]
     for v in validations:
         for scheme in dict.fromkeys((v.run.scheme, *schemes)):
             seed = np.random.SeedSequence(v.run.seed.entropy, spawn_key=(*v.run.seed.spawn_key, 1))
-            common: dict[str, Any] = {
-                "impacts": v.run.impacts,
-                "scheme": scheme,
-                "rng": seed,
-                "workers": workers,
-            }
-            simulate(v.scene.phase_reduced, paths=2, **common)  # compiles
+            sample = partial(
+                simulate,
+                v.scene.phase_reduced,
+                impacts=v.run.impacts,
+                scheme=scheme,
+                rng=seed,
+                workers=workers,
+            )
+            sample(paths=2)  # compiles
             began = time.process_time()
-            run = simulate(v.scene.phase_reduced, paths=BESIDE_PATHS, **common)
+            run = sample(paths=BESIDE_PATHS)
             took = time.process_time() - began
             sampled = NamedSection(scheme, run.section)
             table = errors.section_errors([sampled], v.run.phase_reduced, v.z, v.tolerances)
-            at = ["impact", "quantity", "moment"]
+            error = _largest(table, "error")
             bias = _largest(
                 table.drop(columns="bias").merge(run.step_bias[[*at, "bias"]], on=at), "bias"
             )
-            rows.append(
-                (
-                    v.scene.sigma,
-                    scheme,
-                    run.dt,
-                    BESIDE_PATHS,
-                    *bias,
-                    *_largest(table, "error"),
-                    took,
-                )
-            )
+            rows.append((v.scene.sigma, scheme, run.dt, BESIDE_PATHS, *bias, *error, took))
         for closure, prediction in v.predictions.items():
             table = v.section_rows(closure)
-            own = table.assign(judged=table["verdict"] != Verdict.EXCLUDED)
+            error = _largest(table.assign(judged=table["verdict"] != Verdict.EXCLUDED), "error")
+            not_sampled = (np.nan, 0, np.nan, np.nan)
             took = closure_seconds(prediction)
-            rows.append(
-                (v.scene.sigma, closure, np.nan, 0, np.nan, np.nan, *_largest(own, "error"), took)
-            )
+            rows.append((v.scene.sigma, closure, *not_sampled, *error, took))
     return pd.DataFrame(rows, columns=SCHEME_COLUMNS)
 
 
