@@ -168,21 +168,13 @@ def _say_as_json(run: "Ensemble", units: str, transient: str) -> None:
 def _say_run(run: "Ensemble", units: str, workers: int) -> None:
     """Print the section table, what was simulated, and the means and sds that miss the accuracy,
     the worst by name."""
-    reach = run.reach
+    from rattle.compare.report.render import render_lines
+
     say(section_table(run, units), keep="\n")
-    took = f"{run.wall_seconds:.1f} s on {workers} threads"
-    say(f"{run.paths:,} paths, {run.scheme}, dt = {run.dt:.4g}, {took}")
-    if reach and reach.reached:  # else it is among the diagnostics
-        say(reach.sentence)
-    say_lines(run.diagnostics)
-    if not reach or not reach.missed:
-        return
-    missed = reach.missed
-    rows = 2 * (2 + 2 * run.scene.stages) * len(run.columns["mesh"])
-    say(f"{len(missed)} of {rows} means and sds miss {reach.asked:g} sd (* in the table):")
-    say_lines(f"  {row.sentence}" for row in missed[:MOST_NAMED])
-    if len(missed) > MOST_NAMED:
-        say(f"  and {len(missed) - MOST_NAMED} more")
+    moments = 2 * (2 + 2 * run.scene.stages) * len(run.columns["mesh"])
+    say_lines(
+        render_lines("cli/simulated.j2", run=run, workers=workers, moments=moments, most=MOST_NAMED)
+    )
 
 
 COLUMN_FORMATS = {"se_": ".2g", "bias_": ".2g", "sd_": ".4g"}

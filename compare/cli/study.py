@@ -165,6 +165,7 @@ def _read_finished(wanted: "rt.Study", seen: Any, folder: Path) -> Facts | None:
 
 def _explain(wanted: "rt.Study", seen: Any, workers: int) -> str:
     """What is to be computed, and its expected cost, in lines."""
+    from rattle.compare.report.render import render_lines
     from rattle.compare.study.cells import Prediction
     from rattle.compare.study.estimate import estimate, expect_work, scaling
     from rattle.compare.study.folder import group_failures
@@ -180,27 +181,22 @@ def _explain(wanted: "rt.Study", seen: Any, workers: int) -> str:
 
     todo = seen.missing(cells)
     work_of_each = expect_work(todo)
-    work = estimate(todo, work_of_each, workers, times)
-    number, left = (f"{'about ' * sampled}{sum(map(times, some)):.0f}" for some in (cells, todo))
-    lines = [f"{line(wanted.title)}: {wanted.size} points, {number} cells, {left} to compute."]
-    if sampled:
-        lines.append(
-            f"  estimated from {len(points)} points, chosen at random; --status counts all"
-        )
-    for axis in wanted.axes:
-        for name, values in zip(axis.names, zip(*axis.values, strict=True), strict=True):
-            ends = f"{line(str(values[0]))} to {line(str(values[-1]))}"
-            others = ", ".join(other for other in axis.names if other != name)
-            beside = f" (with {others})" if others else ""
-            lines.append(f"  {name}: {len(values)} values, {ends}{beside}")
-    lines += [f"  {line(str(failure))}" for failure in group_failures(points, {})]
-    lines.append(
-        f"About {work.core_seconds:.0f} core-seconds of counted work at nominal costs"
-        f" ({work.path_steps:.2g} path-steps; `branching` with all its components),"
-        f" {work.megabytes:.0f} MB on {workers} threads. Compiling, the first time, takes about a"
-        " minute besides."
+    columns = [
+        (name, values, [other for other in axis.names if other != name])
+        for axis in wanted.axes
+        for name, values in zip(axis.names, zip(*axis.values, strict=True), strict=True)
+    ]
+    lines = render_lines(
+        "cli/explain.j2",
+        study=wanted,
+        points=len(points) if sampled else 0,
+        cells=sum(map(times, cells)),
+        left=sum(map(times, todo)),
+        columns=columns,
+        failures=group_failures(points, {}),
+        work=estimate(todo, work_of_each, workers, times),
+        workers=workers,
     )
-    lines.append("Expected time on more cores (Dask):")
     seconds = {key: expected.core_seconds for key, expected in work_of_each.items()}
-    lines.append(scaling(todo, seconds, times).to_string(index=False, float_format="{:.3g}".format))
-    return "\n".join(lines)
+    table = scaling(todo, seconds, times).to_string(index=False, float_format="{:.3g}".format)
+    return "\n".join([*lines, table])

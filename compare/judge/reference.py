@@ -89,33 +89,39 @@ def _sum_all(
 ) -> tuple[SampleSums, list[SampleSums], SampleSums | None, SampleSums | None]:
     """One pass through all blocks: single sums, those of each pair, those of both steps together
     where their paths go in pairs, and those of the coarser step alone where they do not."""
-    single: SampleSums | None = None
-    joint: list[SampleSums] = []
-    both: SampleSums | None = None
+    totals: list[SampleSums] = []
     paired = coarser is not None and _same_paths(samples, coarser)
     partners: Iterator[Floats] = iter(coarser.blocks) if paired and coarser else iter(())
     count = 0
     for block, partner in zip_longest(samples.blocks, partners):
         check_block(block, count, samples.names, "samples")
-        count += len(block)
-        cells = block.reshape(len(block), -1)
+        cells = _cells_of(block)
         with np.errstate(over="ignore", invalid="ignore"):  # what overflows is refused below
-            single = _add(single, SampleSums.of_block(cells, cells, SINGLE))
-        sums = [SampleSums.of_block(block[:, :, i], block[:, :, j], PAIR) for i, j in pairs]
-        joint = [_add(a, b) for a, b in zip_longest(joint, sums)]
+            parts = [SampleSums.of_block(cells, cells, SINGLE)]
+            parts += [SampleSums.of_block(block[:, :, i], block[:, :, j], PAIR) for i, j in pairs]
         if partner is not None:
-            check_block(partner, count - len(block), samples.names, "coarser")
-            other = partner.reshape(len(partner), -1)
-            both = _add(both, SampleSums.of_block(cells, other, PAIR))
-    if single is None or count < 2:
+            check_block(partner, count, samples.names, "coarser")
+            parts.append(SampleSums.of_block(cells, _cells_of(partner), PAIR))
+        count += len(block)
+        with np.errstate(over="ignore", invalid="ignore"):
+            totals = list(map(SampleSums.merge, totals, parts)) if totals else parts
+    if count < 2:
         raise InputError("samples", f"{count} paths", "one path has no spread; give more")
+    single, *joint = totals
+    both = joint.pop() if paired else None
     coarse = None
     if coarser is not None and not paired:
         for block in coarser.blocks:
             check_block(block, 0, samples.names, "coarser")
-            cells = block.reshape(len(block), -1)
-            coarse = _add(coarse, SampleSums.of_block(cells, cells, SINGLE[:3]))
+            cells = _cells_of(block)
+            sums = SampleSums.of_block(cells, cells, SINGLE[:3])
+            coarse = coarse.merge(sums) if coarse else sums
     return single, joint, both, coarse
+
+
+def _cells_of(block: Floats) -> Floats:
+    """A block with a column for each row and quantity."""
+    return block.reshape(len(block), -1)
 
 
 def _same_paths(samples: PathSamples, coarser: PathSamples) -> bool:
@@ -123,12 +129,6 @@ def _same_paths(samples: PathSamples, coarser: PathSamples) -> bool:
     measured, so that it does not matter whether they have the same noise."""
     arrays = (samples.array, coarser.array)
     return all(array is not None for array in arrays) and len(arrays[0]) == len(arrays[1])
-
-
-def _add(before: SampleSums | None, now: SampleSums | None) -> SampleSums:
-    """The sums of all blocks so far."""
-    assert now is not None
-    return now if before is None else before.merge(now)
 
 
 LEAST_SPREAD = 1e-35

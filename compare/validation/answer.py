@@ -7,6 +7,7 @@ clock measured.
 
 import math
 from collections.abc import Iterable, Sequence
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -207,102 +208,75 @@ def answer(validations: Sequence[Comparison], swept: Sweep | None = None) -> lis
     units), where paths leave the itinerary, and where closures cannot be applied to the scene.
     """
     first = validations[0]
-    impacts = validations[0].run.impacts
-    broken = []
-    realizable = []
+    impacts = first.run.impacts
+    impossible = []
+    possible = []
     for closure in first.predictions:
-        failures = [(v, f) for v in validations if (f := first_failure(v.correlation, closure))]
+        failures = [
+            (closure, sigma_text(v), failure)
+            for v in validations
+            if (failure := first_failure(v.correlation, closure))
+        ]
         if failures:
-            v, (impact, stage, why) = failures[-1]
-            where = f"from impact {impact} on (at σ = {sigma_text(v)}, stage {stage}: {why})"
-            broken.append(f"the moments of `{closure}` are impossible {where}")
+            impossible.append(failures[-1])
         # a mixture always is, and not there
         elif any(closure in set(v.correlation["closure"]) for v in validations):
-            realizable.append(closure)
-    if realizable:
-        broken.append(f"the moments of {name_all(realizable)} stay possible")
+            possible.append(closure)
+    shares = [max(v.run.agreement[name].iloc[-1] for name in v.predictions) for v in validations]
+    raised: dict[str, list[str]] = {}
+    for v in validations:
+        for closure, why in v.failed.items():
+            raised.setdefault(f"`{closure}` {why}", []).append(sigma_text(v))
+    sentences = render_sentences(
+        "validation/answer.j2",
+        explained="" if swept else SECTION_EXPLAINED,
+        impacts=impacts,
+        within=first.tolerances,
+        moments=[(sigma_text(v), _count_moments(v)) for v in validations],
+        by_size=[(sigma_text(v), counts) for v in validations if (counts := _count_by_size(v))],
+        BY_SIZE=BY_SIZE,
+        impossible=impossible,
+        possible=possible,
+        largest_rho=_largest_rho(validations, SIMULATED),
+        last=len(first.run.section),
+        shares=[
+            (sigma_text(v), share)
+            for v, share in zip(validations, shares, strict=True)
+            if share < 1.0
+        ],
+        raised=raised,
+        names=name_all,
+        join=join_words,
+    )
     speed = comparison.measure_speeds(validations)
     over = swept.speed if swept else None
     validity = comparison.find_validities(validations)
+    costs = comparison.simulation_costs(validations)
     transient = describe_transient(first.scene)
     return [
         *([transient] if transient else []),
         advice(validity, impacts, speed),
         *([validity_sentence(swept.validity, impacts)] if swept else []),
         *itinerary_sentence(swept.validity if swept else validity, impacts),
-        cost_sentence(
-            comparison.simulation_costs(validations), speed, impacts, duration_words(first), over
-        ),
+        cost_sentence(costs, speed, impacts, duration_words(first), over),
         *motion_sentence(validations),
-        (
-            f"Accurate section moments{'' if swept else SECTION_EXPLAINED}"
-            " among those that a closure"
-            f" predicts over {impacts} impacts (within {first.tolerances.mean:.0%} of an sd for"
-            f" means and {first.tolerances.sd:.0%} for sds, with the whole interval):"
-            f" {'; '.join(map(_shares, validations))}."
-        ),
-        *by_size_sentence(validations),
-        (
-            f"Correlation of position and velocity: {'; '.join(broken)}; in the simulation |ρ|"
-            f" never exceeds {_largest_rho(validations, SIMULATED):.4f}."
-        ),
-        *_agreement(validations),
-        *_failures(validations),
+        *sentences,
         *explain_missing(first.scene, first.predictions),
         *([UNSEARCHED] if first.scene.correlation_time else []),
     ]
 
 
-def _shares(v: Comparison) -> str:
-    """How many section moments of each closure are accurate."""
-    shares = []
-    for closure in v.predictions:
-        counts = v.section_rows(closure)["verdict"].value_counts()
-        good, _, undecided = numbers = [counts.get(verdict, 0) for verdict in JUDGED]
-        beside = f" ({undecided} undecided)" if undecided else ""
-        shares.append(f"`{closure}` {good} of {sum(numbers)}{beside}")
-    return f"at σ = {sigma_text(v)} {join_words(shares)}"
+def _count_moments(v: Comparison) -> dict[str, dict[Any, int]]:
+    """How many section moments of each closure have which verdict."""
+    none: dict[Any, int] = dict.fromkeys(JUDGED, 0)
+    verdicts = {closure: v.section_rows(closure)["verdict"] for closure in v.predictions}
+    return {name: none | column.value_counts().to_dict() for name, column in verdicts.items()}
 
 
-def _failures(validations: Sequence[Comparison]) -> list[str]:
-    """Which closures of one's own raised an exception, at which noise intensities, and what it
-    said."""
-    said: dict[str, list[str]] = {}
-    for v in validations:
-        for closure, why in v.failed.items():
-            said.setdefault(f"`{closure}` {why}", []).append(sigma_text(v))
-    return [
-        f"At σ = {join_words(sigmas)} {what}; its rows are not predicted."
-        for what, sigmas in said.items()
-    ]
-
-
-def _agreement(validations: Sequence[Comparison]) -> list[str]:
-    """How many paths have left the closures' itineraries, where some have."""
-    impacts = len(validations[0].run.section)
-    shares = []
-    for v in validations:
-        best = max(v.run.agreement[name].iloc[-1] for name in v.predictions)
-        if best < 1.0:
-            shares.append(
-                f"{f'{best:.1%}' if best < 0.9995 else f'{100.0 * best:.6g}%'} at σ ="
-                f" {sigma_text(v)}"
-            )
-    said = f"After {impacts} impacts the share of paths that still follow a closure's itinerary is "
-    others = "a closure along a single orbit says nothing about the others."
-    return [f"{said}{join_words(shares)}: {others}"] if shares else []
-
-
-def by_size_sentence(validations: Sequence[Comparison]) -> list[str]:
-    """How many verdicts of each closure rest on the size of what does not vary, in one sentence or
-    none."""
-    rows = pd.concat([v.of_all_paths.assign(sigma=sigma_text(v)) for v in validations])
-    rows = rows[rows["remark"] == BY_SIZE]
-    shares = []
-    for sigma, closures in rows.groupby("sigma", sort=False)["closure"]:
-        counts = closures.value_counts(sort=False).items()
-        shares.append(f"at σ = {sigma} {join_words([f'`{name}` {n}' for name, n in counts])}")
-    return [f"Moments not measured in sds ({BY_SIZE}): {'; '.join(shares)}."] if shares else []
+def _count_by_size(v: Comparison) -> dict[Any, int]:
+    """How many verdicts of each closure rest on the size of what does not vary."""
+    rows = v.of_all_paths.query("remark == @BY_SIZE")
+    return rows["closure"].value_counts(sort=False).to_dict()
 
 
 def correlation_claim(validations: Sequence[Comparison]) -> str:

@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 
 from rattle.compare.judge.verdict import JUDGED, MARKS, Verdict
+from rattle.compare.report.render import render_sentences
 from rattle.compare.report.table import NO_VALUE, Table, TableCell
 from rattle.compare.validation.comparison import CAUSES, Comparison, find_validities
 from rattle.compare.validation.errors import ON_ITINERARY
@@ -171,21 +172,18 @@ def simulation_text(v: Comparison) -> str:
     """The simulation behind a validation in words: paths, scheme, step, sampling error,
     diagnostics."""
     run = v.run
-    mean = v.run.section
-    bias = (
-        " (2 dt and 4 dt on the same Brownian paths)"
-        if "fine_coarse" in run.result.sums
-        else ", no step bias"
+    section = run.section
+    varies = v.scene.sigma > 0
+    return " ".join(
+        render_sentences(
+            "validation/simulation.j2",
+            run=run,
+            z=v.z,
+            share=(section["se_tau"] / section["sd_tau"]).median() if varies else 0.0,
+            bias_measured="fine_coarse" in run.result.sums,
+            searched=not v.scene.correlation_time,
+        )
     )
-    share = float((mean["se_tau"] / mean["sd_tau"]).median()) if v.scene.sigma > 0 else 0.0
-    text = (
-        f"{run.paths:,} paths of the {run.scheme} scheme, dt = {run.dt:.4g}{bias}; sampling error"
-        f" of E τ {share:.2%} of its sd at the median impact; intervals of {v.z:.2f} standard"
-        " errors, so that all of them contain the true values with 95 % confidence."
-    )
-    seldom = f"taken by fewer than 1 in {run.paths / 10:,.0f} paths"
-    rare = f"Rare branches, {seldom}, are counted where they could change a verdict."
-    return " ".join((text, *([] if v.scene.correlation_time else [rare]), *run.diagnostics))
 
 
 def motion_table(v: Comparison) -> Table:
@@ -231,24 +229,15 @@ def duration_words(v: Comparison) -> str:
 
 def motion_sentence(validations: Sequence[Comparison]) -> list[str]:
     """The motion of gears in physical units, in a sentence."""
-    shown = [v for v in validations if not math.isnan(_milliseconds(v))]
-    return [f"In the units of these gears: {'; '.join(map(_in_words, shown))}."] if shown else []
-
-
-def _in_words(v: Comparison) -> str:
-    physical = v.run.section_in("physical")
-    impacts = len(v.run.section)
-    time = _milliseconds(v)
-    speeds = physical[[f"y{i}_mm_per_s" for i in range(1, v.scene.stages + 1)]].abs()
-    lost = (
-        f" and a mean loss of {physical['energy_mJ'].mean():.2g} mJ per impact"
-        if "energy_mJ" in physical
-        else ""
-    )
-    return (
-        f"at σ = {v.scene.sigma:.4g}, {impacts} impacts take {time:.3g} ms on average, with mean "
-        f"velocities before an impact of up to {np.nanmax(speeds):.3g} mm/s{lost}"
-    )
+    motions = []
+    for v in validations:
+        time = _milliseconds(v)
+        if not math.isnan(time):
+            physical = v.run.section_in("physical")
+            speeds = physical.filter(regex=r"^y\d+_mm_per_s$").abs()
+            lost = physical["energy_mJ"].mean() if "energy_mJ" in physical else None
+            motions.append((v.scene.sigma, len(v.run.section), time, np.nanmax(speeds), lost))
+    return render_sentences("validation/motion.j2", motions=motions)
 
 
 def _milliseconds(v: Comparison) -> float:

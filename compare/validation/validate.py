@@ -33,7 +33,6 @@ from rattle.montecarlo.statistics.intervals import AGAIN, FAMILY_ERROR, widest
 from rattle.scene import (
     SECTION,
     InputError,
-    Ints,
     Scene,
     check_scene,
     choice,
@@ -131,18 +130,21 @@ def validate(
     scene = scene.phase_reduced
     biased = SCHEMES[choice("scheme", scheme, SCHEMES)].has_step_bias
     dt = default_step(scene, scheme, biased) if dt is None else dt
-    rng = read_seed(rng)
-    common: dict[str, Any] = {
-        "impacts": impacts,
-        "dt": dt,
-        "scheme": scheme,
-        "rng": rng,
-        "workers": workers,
-    }
-    check_settings(scene, paths=paths, step_bias=biased, **common)
+    sample = partial(
+        simulate,
+        scene,
+        impacts=impacts,
+        dt=dt,
+        scheme=scheme,
+        rng=read_seed(rng),
+        workers=workers,
+    )
+    check_settings(scene, paths=paths, step_bias=biased, **sample.keywords)
     predictions = {method.name: predict(given, method, impacts, order) for method in methods}
     maps = [m.phase_reduced for m in predictions.values()]
-    run = _simulate(scene, predictions, paths, biased, fixed_times, progress, common)
+    orbit = follow(scene, impacts)
+    record, sampling = _plan_records(orbit, predictions, sample, biased, fixed_times)
+    run = sample(paths=paths, sampling=sampling, progress=progress, record=record)
     moments = 2 * (len(SECTION) - (0 if scene.stages == 2 else 2)) * impacts * len(predictions)
     checks = moments + scene.stages * impacts * len(predictions)
     z = widest(checks)
@@ -150,7 +152,8 @@ def validate(
     again = widest(checks, AGAIN * FAMILY_ERROR)
     section, second_look = errors.judge_again(section, maps, run, again, limits, workers)
     parts = [section]
-    flights = _flights_of_times(follow(scene, impacts), run)
+    # the impact of the noise-free orbit that ends the flight of each fixed time
+    flights = np.searchsorted(orbit.tau[: orbit.found + 1], run.at_times().index.to_numpy(float))
     if scene.sigma > 0.0 and len(run.at_times()):
         parts += [errors.mid_flight_errors(m, run, flights, z, limits) for m in maps]
     parts += [errors.itinerary_errors(m, run, widest(moments), limits) for m in maps]
@@ -172,24 +175,23 @@ def validate(
     )
 
 
-def _simulate(
-    scene: Scene,
+def _plan_records(
+    orbit: Orbit,
     predictions: Mapping[str, MeanMap],
-    paths: int,
+    sample: "partial[Ensemble]",
     biased: bool,
     fixed_times: bool,
-    progress: str | None,
-    settings: dict[str, Any],
-) -> Ensemble:
-    """The simulation that closures are compared with: of all paths, of those on each closure's
-    itinerary, and at fixed times in the middle of the flights of the noise-free orbit."""
-    orbit = follow(scene, settings["impacts"])
+) -> tuple[Record, Sampling]:
+    """What the simulation that closures are compared with records: of all paths, of those on each
+    closure's itinerary, and at fixed times in the middle of the flights of the noise-free orbit;
+    and whether it has a control variate."""
+    (scene,) = sample.args
     tau = orbit.tau[: orbit.found + 1]
-    last = _last_impact(scene, **settings)
+    last = _last_impact(scene, sample)
     times: Any = ()
     if fixed_times:
         # fixed times are rounded to it; a flight shorter than it may contain none
-        grid = (4.0 if biased else 1.0) * settings["dt"]
+        grid = (4.0 if biased else 1.0) * sample.keywords["dt"]
         middle = (0.5 * (tau[1:] + tau[:-1]))[np.diff(tau) > grid]
         times = middle[(middle - scene.phase > grid) & (middle <= last)]
     record = Record(
@@ -200,26 +202,18 @@ def _simulate(
         on_itinerary=True,
         itineraries={name: m.itinerary for name, m in predictions.items()},
     )
-    sampling = Sampling(control=not biased and not scene.correlation_time and tau[-1] <= last)
-    return simulate(
-        scene, paths=paths, sampling=sampling, progress=progress, record=record, **settings
-    )
+    control = not biased and not scene.correlation_time and tau[-1] <= last
+    return record, Sampling(control=control)
 
 
-def _flights_of_times(orbit: Orbit, run: Ensemble) -> Ints:
-    """The impact of the noise-free orbit that ends the flight of each fixed time."""
-    tau = orbit.tau[: orbit.found + 1]
-    return np.searchsorted(tau, run.at_times().index.to_numpy(float))
-
-
-def _last_impact(scene: Scene, **settings: Any) -> float:
+def _last_impact(scene: Scene, sample: "partial[Ensemble]") -> float:
     """Generous upper bound of the time of every path's last impact, from a pilot run; at most when
     paths are abandoned.
 
     If the noise-free orbit flies much longer than the paths do, nothing can be compared at its
     later times, and simulating up to them may take millions of steps.
     """
-    pilot = simulate(scene, paths=PILOT_PATHS, **settings)
+    pilot = sample(paths=PILOT_PATHS)
     at = pilot.section.iloc[-1]
     horizon = scene.phase + (pilot.plan.most_steps - 1) * pilot.dt
     latest = scene.phase + TIME_MARGIN * (at["tau"] + 6.0 * at["sd_tau"] - scene.phase)
