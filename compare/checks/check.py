@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike
 
 from rattle.compare.report.json_text import Facts
 from rattle.compare.report.render import render_sentences
+from rattle.compare.report.table import align_columns
 from rattle.montecarlo.statistics.intervals import widest
 from rattle.scene import Scene, choice, count
 from rattle.scene.progress import ProgressBar
@@ -175,12 +176,7 @@ def result_lines(results: Sequence[Result], *, all_checks: bool = False) -> list
     `all_checks`: Whether to list every check and every negative control below the table, not only
     failures.
     """
-    rows = [HEAD, *map(_result_row, results)]
-    width = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    head, *lines = (
-        "  ".join(f"{c:{a}{w}}" for c, a, w in zip(row, ALIGNMENT, width, strict=True)).rstrip()
-        for row in rows
-    )
+    head, *lines = align_columns([HEAD, *map(_result_row, results)], ALIGNMENT)
     out = [head, "-" * max(map(len, [head, *lines])), *lines]
     for result in results:
         out += _details(result, all_checks)

@@ -193,6 +193,8 @@ def section_table(run: "Ensemble", units: str) -> str:
 
     It is laid out here, for pandas would take as long to load as sampling.
     """
+    from rattle.compare.report.table import align_columns
+
     gears = run.scene.gears
     missed = run.reach.missed if run.reach else ()
     columns = in_units(run.columns, gears, units)
@@ -211,8 +213,7 @@ def section_table(run: "Ensemble", units: str) -> str:
         ]
         starred = [cell + "*" * ((column, k) in stars) for k, cell in enumerate(cells, start=1)]
         texts.append([name, *starred])
-    widths = [max(map(len, text)) for text in texts]
-    return "\n".join("  ".join(map(str.rjust, row, widths)) for row in zip(*texts, strict=True))
+    return "\n".join(align_columns(list(zip(*texts, strict=True)), ">" * len(texts)))
 
 
 @click.command()

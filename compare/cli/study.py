@@ -66,26 +66,21 @@ def study(
     _ = wanted.points  # finds what cannot be computed before any file is written
     if status:
         todo = seen.missing(wanted.cells)
-        say(
-            f"{line(wanted.title)}: {len(wanted.cells) - len(todo)} of {len(wanted.cells)} results"
-            " stored."
-        )
-        say_lines(
-            f"  missing: {number} {group}"
-            for group, number in Counter(cell.group for cell in todo).items()
-        )
-        say_lines(f"  {line(str(failure))}" for failure in group_failures(wanted.points, {}))
+        have = len(wanted.cells) - len(todo)
+        say(f"{line(wanted.title)}: {have} of {len(wanted.cells)} results stored.")
+        for group, number in Counter(cell.group for cell in todo).items():
+            say(f"  missing: {number} {group}")
+        for failure in group_failures(wanted.points, {}):
+            say(f"  {line(str(failure))}")
         return
     check_folder(wanted, folder, overwrite)
 
     def describe() -> str:
         """What is stored after an interruption."""
-        have = len(wanted.cells) - len(seen.missing(wanted.cells))
-        page = ", but their page is not written" if have == len(wanted.cells) else ""
-        return (
-            f"{have} of {len(wanted.cells)} results stored{page}; run the same command again to"
-            " continue"
-        )
+        number = len(wanted.cells)
+        have = number - len(seen.missing(wanted.cells))
+        page = ", but their page is not written" if have == number else ""
+        return f"{have} of {number} results stored{page}; run the same command again to continue"
 
     stored.append(describe)
     record = _read_finished(wanted, seen, folder) or _compute(

@@ -125,24 +125,18 @@ def find_moments(
     pairs = []
     others = []
     for column in columns:
-        places = [
-            (moment, column.removeprefix(prefix))
-            for moment, prefix in PREFIX.items()
-            if column.startswith(prefix) and column.removeprefix(prefix) in names
-        ]
-        if places:
-            moment, quantity = places[0]
+        # a quantity may have a name that looks like that of a moment
+        moment, quantity = ("mean", column) if column in names else split_column(column)
+        if moment != "rho" and quantity in names:
             moments.add(moment)
             quantities.append(quantity)
-            continue
-        pair = _pair_of(column, names)
-        if pair:
+        elif pair := _pair_of(column, names):
             pairs.append(pair)
             quantities.extend(pair)
-            continue
-        if column in filled and column not in not_asked and not _pair_of(column, known):
-            _check_name(column, names)
-        others.append(column)
+        else:
+            if column in filled and column not in not_asked and not _pair_of(column, known):
+                _check_name(column, names)
+            others.append(column)
     ordered = [name for name in names if name in quantities]
     if not ordered:
         first = columns[0] if columns else ""

@@ -281,10 +281,7 @@ ROW_DEFAULTS: dict[str, Any] = {
 
 def complete_rows(rows: pd.DataFrame, label: str) -> pd.DataFrame:
     """Reduced rows with everything that `rattle.compare.judge.rows.compare_rows` takes."""
-    table = rows.copy()
-    for name, value in ROW_DEFAULTS.items():
-        if name not in rows:
-            table[name] = value
+    table = rows.assign(**{n: value for n, value in ROW_DEFAULTS.items() if n not in rows})
     if "corrected" not in rows:
         table["corrected"] = table["simulated"] - table["bias"]
     if "noise" not in rows:

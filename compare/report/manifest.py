@@ -229,7 +229,7 @@ def compare(recorded: Recorded, now: Mapping[str, Any], folder: Path) -> Repeat:
     here = versions()
     names = dict.fromkeys([*here, *there])
     changed = {n: (there.get(n), here.get(n)) for n in names if there.get(n) != here.get(n)}
-    found = []
+    differences = []
     altered = []
     for name, file in REPEATED_TABLES.items():
         text = recorded.tables.get(name)
@@ -239,19 +239,19 @@ def compare(recorded: Recorded, now: Mapping[str, Any], folder: Path) -> Repeat:
         if now[name] == before:
             continue
         if now[name] is None or before is None:
-            found.append(incomparable(f"only one of them has {file}"))
+            differences.append(incomparable(f"only one of them has {file}"))
         elif text is None or file in altered:
             why = f"no {file} with the manifest's digest lies beside it"
             return Repeat(DIFFERENT, None, why, changed)
         else:
             first = pd.read_csv(io.StringIO(text))
             largest = difference(first, pd.read_csv(folder / file), recorded.settings.paths)
-            found.append(largest._replace(where=f"{file}, {largest.where}"))
+            differences.append(largest._replace(where=f"{file}, {largest.where}"))
     if altered:
-        found.append(incomparable(f"{' and '.join(altered)} beside it was changed since"))
-    if not found:
+        differences.append(incomparable(f"{' and '.join(altered)} beside it was changed since"))
+    if not differences:
         return Repeat(BIT_FOR_BIT, None, "", changed)
-    largest = max(found, key=lambda one: one.excess)
+    largest = max(differences, key=lambda one: one.excess)
     return Repeat(ROUNDED if largest.excess <= 1.0 else DIFFERENT, largest, "", changed)
 
 

@@ -136,9 +136,9 @@ class Terms:
 
     def head(self, text: str, shown: Markup) -> Markup:
         """Mark the head of a column with the meanings of all terms in it."""
-        found = [self._meanings[match[1]] for match in self._pattern.finditer(text)]
-        found += [said for word, said in self._code.items() if word == text]
-        return HINT.format("; ".join(dict.fromkeys(found)), shown) if found else shown
+        meanings = [self._meanings[match[1]] for match in self._pattern.finditer(text)]
+        meanings += [said for word, said in self._code.items() if word == text]
+        return HINT.format("; ".join(dict.fromkeys(meanings)), shown) if meanings else shown
 
     def cell(self, text: str, shown: Markup) -> Markup:
         """Mark the cell of a table if it is a term."""

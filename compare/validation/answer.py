@@ -23,7 +23,6 @@ from rattle.compare.judge.verdict import (
     unbroken,
 )
 from rattle.compare.report.render import render_sentences
-from rattle.compare.report.texts import read_texts
 from rattle.compare.validation import comparison
 from rattle.compare.validation.comparison import Comparison, Sweep
 from rattle.compare.validation.errors import HALF_OF_PATHS, SIMULATED, first_failure
@@ -126,7 +125,7 @@ def _paths(paths: float, branches: int) -> str:
 
 def validity_sentence(validity: pd.DataFrame, impacts: int) -> str:
     """Up to which noise intensity each closure is accurate at all impacts, in one sentence."""
-    found: dict[str, list[str]] = {}  # closures by the phrase for their range of validity
+    closures_by_phrase: dict[str, list[str]] = {}
     for closure, rows in validity.groupby("closure", sort=False):
         at = rows.sort_values("sigma").set_index("sigma")
         accurate, not_wrong = (
@@ -136,8 +135,8 @@ def validity_sentence(validity: pd.DataFrame, impacts: int) -> str:
         ended = bool((at[at["not_inaccurate"] < impacts]["cause"][:1] == "ended").any())
         exact = at.index[at["accurate"] == impacts]
         phrase = in_words("σ", list(at.index), accurate, not_wrong, ended=ended, exact=exact)
-        found.setdefault(phrase, []).append(f"`{closure}`")
-    shares = [f"{join_words(closures)}: {said}" for said, closures in found.items()]
+        closures_by_phrase.setdefault(phrase, []).append(str(closure))
+    shares = [f"{name_all(names)}: {phrase}" for phrase, names in closures_by_phrase.items()]
     sigmas = validity["sigma"]
     return (
         f"Range of validity, for every section mean and sd{SECTION_EXPLAINED}"
@@ -284,21 +283,14 @@ def correlation_claim(validations: Sequence[Comparison]) -> str:
     with the evidence."""
     if not {"published", "corrected"} <= validations[0].predictions.keys():
         return ""
-    evidence = []
-    for v in validations:
-        rows = v.correlation.query("closure == 'published' and not realizable")
-        impacts = rows["impact"]
-        beyond = rows["rho"].abs().max()
-        where = "nowhere"
-        if len(rows):
-            where = f"at {impacts.nunique()} impacts, the first being {impacts.min()}"
-        if beyond > 1.0:
-            where += f", |ρ| up to {beyond:.3g}"
-        evidence.append(f"at σ = {sigma_text(v)} {where}")
-    texts: dict[str, str] = read_texts("validation")
-    return texts["claim"].format(
-        evidence="; ".join(evidence),
-        rule=texts["one_stage" if validations[0].scene.stages == 1 else "two_stages"],
+    (paragraph,) = render_sentences(
+        "validation/claim.j2",
+        evidence=[
+            (sigma_text(v), v.correlation.query("closure == 'published' and not realizable"))
+            for v in validations
+        ],
+        stages=validations[0].scene.stages,
         corrected=_largest_rho(validations, "corrected"),
         simulated=_largest_rho(validations, SIMULATED),
     )
+    return paragraph

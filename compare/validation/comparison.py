@@ -97,13 +97,13 @@ class Comparison(Verdicts):
         """Probability of having left a closure's itinerary by its last impact, with a 95 %
         interval."""
         run = self.run
-        own = run.plan.itineraries[closure]
-        impacts = int(np.count_nonzero(own))
+        itinerary = run.plan.itineraries[closure]
+        impacts = int(np.count_nonzero(itinerary))
         if impacts == 0:  # nothing to follow
             return 1.0, 1.0, 1.0
         if not is_random(run.scene):
             return 0.0, 0.0, 0.0
-        noise_free = begins(own, run.plan.itineraries[NOISE_FREE])
+        noise_free = begins(itinerary, run.plan.itineraries[NOISE_FREE])
         if not noise_free or run.paths * expect_leaving(run, impacts) >= ENOUGH_EXITS:
             left = run.paths * (1.0 - float(run.agreement[closure].loc[impacts]))
             low, high = interval(left, left, 1.0)
@@ -112,9 +112,11 @@ class Comparison(Verdicts):
         if rows.empty:
             return 0.0, 0.0, interval(0.0, 0.0, 1.0 / run.paths)[1]
         # mean weight of a path
-        each = (rows["probability"] / rows["paths"]).fillna(1.0 / run.paths)
+        weight = (rows["probability"] / rows["paths"]).fillna(1.0 / run.paths)
         total = float(rows["probability"].sum())
-        low, high = interval(total, float((rows["probability"] * each).sum()), float(each.max()))
+        low, high = interval(
+            total, float((rows["probability"] * weight).sum()), float(weight.max())
+        )
         return min(total, 1.0), low, min(high, 1.0)
 
 
@@ -203,7 +205,7 @@ def _reach(rows: pd.DataFrame, impacts: range) -> tuple[int, int]:
 
 def find_validities(validations: Sequence[Comparison]) -> pd.DataFrame:
     """Ranges of validity of all closures at all noise intensities."""
-    return pd.DataFrame([found for v in validations for found in v.validity.values()])
+    return pd.DataFrame([validity for v in validations for validity in v.validity.values()])
 
 
 def rows_to_judge(v: Comparison, closure: str, kind: str = "section") -> pd.DataFrame:
@@ -252,10 +254,10 @@ def _worst(v: Comparison, closure: str, impact: int) -> str:
 def _slowest(prediction: MeanMap, impact: int) -> tuple[int, float] | None:
     """The first impact up to a given one whose mean speed is below `SLOW_SPEED` of its own sds, and
     that ratio."""
-    each = range(1, impact + 1)
-    column = np.where(prediction.trace.mesh[each] == 1, 1, 3)
-    speed = np.abs(prediction.trace.mean[each, column])
-    sd = prediction.trace.sd[each, column + 2]
+    numbers = range(1, impact + 1)
+    column = np.where(prediction.trace.mesh[numbers] == 1, 1, 3)
+    speed = np.abs(prediction.trace.mean[numbers, column])
+    sd = prediction.trace.sd[numbers, column + 2]
     slow = np.flatnonzero((speed < SLOW_SPEED * sd) & (SLOW_SPEED * sd < np.inf))
     return (int(slow[0]) + 1, float(speed[slow[0]] / sd[slow[0]])) if slow.size else None
 
@@ -308,10 +310,10 @@ def simulation_costs(validations: Sequence[Comparison]) -> pd.DataFrame:
 
 def measure_speeds(validations: Sequence[Comparison]) -> pd.DataFrame:
     """`measure_speed` of every closure of some validations that is accurate at the first impact."""
-    found = [
+    speeds = [
         s for v in validations for closure in v.predictions if (s := measure_speed(v, closure))
     ]
-    return pd.DataFrame(found, columns=list(Speed._fields))
+    return pd.DataFrame(speeds, columns=list(Speed._fields))
 
 
 def measure_speed(v: Comparison, closure: str) -> Speed | None:

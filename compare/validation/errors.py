@@ -241,7 +241,7 @@ def judge_correlation(predictions: list[MeanMap], run: Ensemble, flights: Ints) 
     (fixed times,).
     """
     stages = range(1, run.scene.stages + 1)
-    found = [
+    rows = [
         (prediction.closure, impact, stage, *prediction.stage_realizability(impact, stage))
         for prediction in predictions
         # a mixture describes paths at their own impacts: no perturbation, no moments
@@ -252,10 +252,10 @@ def judge_correlation(predictions: list[MeanMap], run: Ensemble, flights: Ints) 
     for impact, (_, row) in zip(flights, run.at_times().iterrows(), strict=True):
         for stage in stages:
             xx, xy, yy = (row[f"cov_{a}{stage}_{b}{stage}"] for a, b in ("xx", "xy", "yy"))
-            found.append(
+            rows.append(
                 (SIMULATED, int(impact), stage, *realizability(np.array([[xx, xy], [xy, yy]])))
             )
-    table = pd.DataFrame(found, columns=["closure", "impact", "stage", *Realizability._fields])
+    table = pd.DataFrame(rows, columns=["closure", "impact", "stage", *Realizability._fields])
     table = table.astype({"realizable": bool})
     known = table[["variance_x", "variance_y", "rho"]].notna().any(axis=1)
     return table.loc[known | ~table["realizable"], RHO_COLUMNS].reset_index(drop=True)

@@ -44,13 +44,11 @@ def error_figure(v: Comparison) -> Figure:
     )
     panels = [(moment, quantity) for moment in ("mean", "sd") for quantity in quantities]
     section = section.assign(at=section["impact"])
-    for ax, (moment, quantity) in zip(axes, panels, strict=True):
-        here = section.query("quantity == @quantity and moment == @moment")
-        error_panel(ax, here, v.closure_names, getattr(v.tolerances, moment), accurate)
-        unit = "error / sd of the quantity" if quantity == "tau" else ""
+    for ax, panel in zip(axes, panels, strict=True):
+        error_panel(ax, section, panel, v.closure_names, v.tolerances, accurate)
+        unit = "error / sd of the quantity" if panel[1] == "tau" else ""
         ax.set(xlim=(0.5, len(v.run.section) + 0.5), xlabel="impact", ylabel=unit)
         whole_impacts(ax)
-        ax.set_title(f"{moment} of {SYMBOL[quantity]}", loc="left")
     legend_above(figure, axes, 5)
     return figure
 

@@ -85,11 +85,13 @@ def impact_table(v: Comparison, closure: str) -> Table:
 def find_failures(v: Comparison) -> pd.DataFrame:
     """First failure of each check of realizability; mixtures (branching) have no moments of a
     perturbation to check."""
-    found = first_failures(
+    failures = first_failures(
         realizability_table([m for m in v.predictions.values() if m.trace.parts is None])
     )
-    stages = found["stage"].map({0: "both stages"}).fillna("stage " + found["stage"].astype(str))
-    return found.assign(where="impact " + found["impact"].astype(str) + ", " + stages)
+    stages = (
+        failures["stage"].map({0: "both stages"}).fillna("stage " + failures["stage"].astype(str))
+    )
+    return failures.assign(where="impact " + failures["impact"].astype(str) + ", " + stages)
 
 
 def find_distances(v: Comparison) -> pd.DataFrame:
@@ -101,24 +103,26 @@ def find_distances(v: Comparison) -> pd.DataFrame:
     ratios = pd.DataFrame(
         {name: table[name] / table[f"{name}_floor"] for name in ("kolmogorov", "total_variation")}
     )
-    found = ratios.groupby(table["closure"], sort=False).agg(["median", "max"])
-    return found.set_axis(found.columns.map(" ".join), axis="columns").reset_index()
+    distances = ratios.groupby(table["closure"], sort=False).agg(["median", "max"])
+    return distances.set_axis(distances.columns.map(" ".join), axis="columns").reset_index()
 
 
 def find_reach(v: Comparison) -> pd.DataFrame:
     """Range of validity of each closure of a validation, its cause, and which paths the closure
     describes."""
-    found = find_validities([v])
-    return found.assign(
-        describes=[DESCRIBES[v.predictions[name].method.describes] for name in found["closure"]]
+    reach = find_validities([v])
+    return reach.assign(
+        describes=[DESCRIBES[v.predictions[name].method.describes] for name in reach["closure"]]
     )
 
 
 def list_leaving(v: Comparison) -> pd.DataFrame:
     """How paths leave the noise-free itinerary, by what they strike instead."""
-    found = v.run.leaving
-    return found.assign(
-        known=np.where(found["near"].astype(bool), "paths drawn near the branch", "this simulation")
+    leaving = v.run.leaving
+    return leaving.assign(
+        known=np.where(
+            leaving["near"].astype(bool), "paths drawn near the branch", "this simulation"
+        )
     )
 
 
@@ -128,8 +132,8 @@ def merge_sigmas(table: pd.DataFrame) -> pd.DataFrame:
     rows = []
     for closure, group in table.groupby("closure", sort=False):
         group = group.sort_values("sigma")
-        found = group[["accurate", "not_inaccurate", "cause"]]
-        for _, same in group.groupby((found != found.shift()).any(axis=1).cumsum()):
+        ranges = group[["accurate", "not_inaccurate", "cause"]]
+        for _, same in group.groupby((ranges != ranges.shift()).any(axis=1).cumsum()):
             first = same.iloc[0]
             last = same.iloc[-1]
             sigma = f"{first['sigma']:.4g}" + (f" – {last['sigma']:.4g}" if len(same) > 1 else "")
@@ -154,16 +158,17 @@ def speed_rows(table: pd.DataFrame) -> pd.DataFrame:
     they are not compared.
     """
     rows = table.sort_values(["closure", "sigma"])
-    each = list(rows[["speed_up", "resolved", "closure_seconds"]].itertuples(index=False))
+    speeds = list(rows[["speed_up", "resolved", "closure_seconds"]].itertuples(index=False))
     return rows.assign(
         most=np.where(rows["resolved"], "", "≤ "),
         own=[
-            f"{1e3 * seconds:.2f} ms{', measured' * math.isnan(gain)}" for gain, _, seconds in each
+            f"{1e3 * seconds:.2f} ms{', measured' * math.isnan(gain)}"
+            for gain, _, seconds in speeds
         ],
         simulated=1e3 * rows["simulation_seconds"],
         gain=[
             "–" if math.isnan(g) else f"{'≥ ' * (not sure)}{float(f'{g:.2g}'):g}"
-            for g, sure, _ in each
+            for g, sure, _ in speeds
         ],
     )
 

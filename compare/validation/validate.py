@@ -241,11 +241,11 @@ def check_sweep(scene: Scene, sigmas: Sequence[float], **settings: Any) -> None:
     """Validate the input of a sweep before any work starts."""
     for sigma in sigmas:
         try:
-            own = scene.with_sigma(sigma)
+            swept = scene.with_sigma(sigma)
             check_settings(
-                own,
+                swept,
                 scheme=DEFAULT_SCHEME,
-                dt=default_step(own, DEFAULT_SCHEME),
+                dt=default_step(swept, DEFAULT_SCHEME),
                 step_bias=False,
                 **settings,
             )
@@ -284,7 +284,7 @@ def sweep(
     out.
     """
     order = list(dict.fromkeys(sigma for stride in STRIDES for sigma in sigmas[::stride]))
-    found = list[Validation]()
+    validations = list[Validation]()
     work = 0.0
     with ProgressBar(order, label="range of validity", unit="intensities") as bar:
         for sigma in bar:
@@ -295,16 +295,20 @@ def sweep(
                 workers=workers,
                 **settings,
             )
-            found.append(v)
+            validations.append(v)
             latest = count_work(v)
             work += latest
-            if work + latest > budget and len(found) >= FEWEST_SIGMAS:
+            if work + latest > budget and len(validations) >= FEWEST_SIGMAS:
                 break
-    left_out = len(order) - len(found)
-    all_work = work / len(found) * len(order)
-    found.sort(key=lambda v: v.scene.sigma)
+    left_out = len(order) - len(validations)
+    all_work = work / len(validations) * len(order)
+    validations.sort(key=lambda v: v.scene.sigma)
     return Sweep(
-        find_validities(found), measure_speeds(found), simulation_costs(found), left_out, all_work
+        find_validities(validations),
+        measure_speeds(validations),
+        simulation_costs(validations),
+        left_out,
+        all_work,
     )
 
 
