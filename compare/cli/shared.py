@@ -228,8 +228,13 @@ def report(default: str, module: str, *more: Option, otherwise: float = PAPER_SI
         def run(scene: Path | None, sigma: float | None, **asked: Any) -> None:
             written = {name: asked.pop(name) for name in WRITTEN if name in asked}
             page = default.removeprefix("reports/NAME-")
-            begin = partial(Results, name_scene(scene), page=page, module=module, **written)
-            command(load_scene(scene, sigma, otherwise), begin, **asked)
+            base = load_scene(scene, sigma, otherwise)
+            name = name_scene(scene)
+            command(
+                base,
+                partial(Results, name, page=page, module=module, scene=base, **written),
+                **asked,
+            )
 
         return folder_options(default, *more)(run)
 
@@ -261,11 +266,14 @@ class Results:
         module: str,
         overwrite: bool,
         as_json: bool = False,
+        scene: Scene | None = None,
     ) -> None:
         from rattle.compare.engine.run import check_cells
         from rattle.compare.report.provenance import Stopwatch
 
-        self.about = {"name": name} if name else {}
+        self.about: Facts = {"name": name} if name else {}
+        if scene:
+            self.about["scene"] = scene.to_dict()
         self.overwrite = overwrite
         self.as_json = as_json
         self.writes = out is not None or not as_json
@@ -296,6 +304,11 @@ class Results:
         save(self.out, report, self.overwrite)
         stored.append(lambda: f"the page is written: {self.out}")
         return report.answer
+
+    def conclude(self, found: Any, **settings: Any) -> None:
+        """Write the folder, and print the answer."""
+        self.write(found, **settings)
+        self.say(found.answer, found.to_dict)
 
     def _describe_stored(self) -> str:
         """What an interrupt leaves."""

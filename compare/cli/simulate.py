@@ -281,7 +281,7 @@ def stationary(
     with shared.estimates_shown():
         found = rt.stationary(base, **settings, rng=seed, workers=workers, progress="stationary")
     settings |= {"seed": seed, "field": field, "over": list(at)}
-    answer = results.write(found, view, scene=base.to_dict(), **settings)
+    answer = results.write(found, view, **settings)
     results.say(answer, lambda: found.to_dict(units or "dimensionless"))
     if found.run and not found.run.reached:
         raise click.exceptions.Exit(EXIT_NOT_MET)
@@ -328,8 +328,7 @@ def run_up(
             workers=workers,
             progress="run-up",
         )
-    results.write(found, scene=base.to_dict(), **settings, seed=seed, rpm=list(speeds), down=down)
-    results.say(found.answer, found.to_dict)
+    results.conclude(found, **settings, seed=seed, rpm=list(speeds), down=down)
 
 
 @click.command()
@@ -380,5 +379,4 @@ def chaos(
     found = study(base, scenes, field, effort, say_part, results.cells)
     said = "the scene's" if noise is None else "sqrt(alpha)"
     swept = {"field": field, "over": list(at), "noise": said}
-    answer = results.write(found, scene=base.to_dict(), **settings, **swept)
-    results.say(answer)
+    results.say(results.write(found, **settings, **swept))

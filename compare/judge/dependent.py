@@ -1,8 +1,7 @@
 """Errors of samples that depend on each other: paths that come in groups, and draws of chains."""
 
 import math
-from collections.abc import Sequence
-from functools import partial
+from collections.abc import Iterator, Sequence
 from importlib import import_module
 from typing import Any, NamedTuple
 
@@ -38,34 +37,45 @@ def errors_of_groups(
         raise InputError("groups", names.tolist(), "paths of one group alone tell no error")
     order = np.argsort(code, kind="stable")
     starts = np.searchsorted(code[order], np.arange(len(names)))
-    spread = partial(_spread_of_groups, starts)
-    array = samples.array
+    spreads: dict[str, list[tuple[float, float]]] = {}
+    for moment, influence, n in _all_influences(samples.array, single, joint, pairs):
+        spreads.setdefault(moment, []).append(_spread_of_groups(influence[order], starts, n))
+    errors = {}
+    for moment, cells in spreads.items():
+        se, lean = np.array(cells).T
+        errors[moment] = MomentErrors(se, lean, np.full(len(cells), float(len(names))))
+    return errors
+
+
+def _all_influences(
+    array: Floats,
+    single: SampleSums,
+    joint: Sequence[SampleSums],
+    pairs: Sequence[tuple[int, int]],
+) -> Iterator[tuple[str, Floats, float]]:
+    """What each path contributes to each moment of each cell, 0 where it has no value, and how many
+    paths have one; cell by cell.
+
+    Shapes: `array` (paths, rows, quantities).
+    """
     z = standardised(single)
     sd = np.sqrt(single.moment(2, 0))
-    spreads: dict[str, list[tuple[float, float]]] = {}
     for cell, n in enumerate(single.n):
         row, quantity = divmod(cell, array.shape[2])
-        values = array[order, row, quantity].astype(float)
+        values = array[:, row, quantity].astype(float)
         unit = sd[cell] if sd[cell] > 0.0 else 1.0
         u = np.nan_to_num((values - single.mean[0, cell]) / unit)
         for moment, influence in _influences(u, unit, z[3][cell], z[4][cell]).items():
-            put_in = np.where(np.isnan(values), 0.0, influence)
-            spreads.setdefault(moment, []).append(spread(put_in, n))
+            yield moment, np.where(np.isnan(values), 0.0, influence), n
     for (i, j), sums in zip(pairs, joint, strict=True):
         rho = pair_statistics(sums)["rho"]
         sd_u = np.sqrt(sums.moment(2, 0))
         sd_v = np.sqrt(sums.moment(0, 2))
-        of_pair = spreads[f"rho{i, j}"] = []
         for row, n in enumerate(sums.n):
-            u = (array[order, row, i] - sums.mean[0, row]) / sd_u[row]
-            v = (array[order, row, j] - sums.mean[1, row]) / sd_v[row]
-            of_pair.append(spread(np.nan_to_num(u * v - 0.5 * rho[row] * (u**2 + v**2)), n))
-    number = float(len(names))
-    errors = {}
-    for moment, cells in spreads.items():
-        se, lean = np.array(cells).T
-        errors[moment] = MomentErrors(se, lean, np.full(len(cells), number))
-    return errors
+            u = (array[:, row, i] - sums.mean[0, row]) / sd_u[row]
+            v = (array[:, row, j] - sums.mean[1, row]) / sd_v[row]
+            influence = np.nan_to_num(u * v - 0.5 * rho[row] * (u**2 + v**2))
+            yield f"rho{i, j}", influence, n
 
 
 def _influences(u: Floats, unit: float, skew: float, kurt: float) -> dict[str, Floats]:
@@ -79,7 +89,7 @@ def _influences(u: Floats, unit: float, skew: float, kurt: float) -> dict[str, F
     }
 
 
-def _spread_of_groups(starts: NDArray[Any], influence: Floats, n: float) -> tuple[float, float]:
+def _spread_of_groups(influence: Floats, starts: NDArray[Any], n: float) -> tuple[float, float]:
     """Standard error of a mean of influences, and its skewness, from the sums of the groups."""
     total = np.add.reduceat(influence, starts)
     groups = len(total)

@@ -218,7 +218,8 @@ class SampleReader:
         `index`: The name of its index.
         """
         names = list(map(str, table))
-        row = self.label if self.label in names else index or _first_of(ROW_COLUMNS, names) or "row"
+        usual = _first_of(ROW_COLUMNS[:-1], names) or "row"
+        row = self.label if self.label in names else index or usual
         labels = table[row] if row in names else np.arange(1, len(table) + 1)
         bases = [name.removeprefix("se_") for name in names if name.startswith("se_")]
         columns = {moment: list[str]() for moment in PREFIX}

@@ -20,6 +20,7 @@ from rattle.closure import MeanMap
 from rattle.closure.closure import RAISED
 from rattle.closure.mean_map import closure_seconds, predict
 from rattle.compare.judge.result import Verdicts
+from rattle.compare.judge.rows import PREFIX
 from rattle.compare.judge.verdict import (
     Tolerances,
     Verdict,
@@ -263,8 +264,6 @@ def _slowest(prediction: MeanMap, impact: int) -> tuple[int, float] | None:
 
 
 WANTED = 0.01  # accuracy, in sds, for which the cost of a simulation is stated
-# column of the standard error of a moment, before its quantity
-SE = {"mean": "se_", "sd": "se_sd_"}
 
 
 class Speed(NamedTuple):
@@ -353,5 +352,7 @@ def _cost_of_rows(run: Ensemble, rows: pd.DataFrame, error: float) -> Candidate:
     """Work of paths like those of a run with which none of some rows is off by more than
     `error`."""
     at = rows[["moment", "quantity", "impact"]].itertuples(index=False)
-    se = [run.columns[SE[moment] + quantity][impact - 1] for moment, quantity, impact in at]
+    se = [
+        run.columns[f"se_{PREFIX[moment]}{quantity}"][impact - 1] for moment, quantity, impact in at
+    ]
     return cost_of(run, paths_for(rows.assign(se=np.array(se) * math.sqrt(run.paths)), error))

@@ -283,14 +283,18 @@ def _statistics(prediction: MeanMap, impact: int) -> Iterator[tuple[int, str, St
     for stage in range(1, prediction.scene.stages + 1):
         covariance = prediction.stage_covariance(impact, stage)
         raw = prediction.trace.raw[impact, stage - 1]
-        yield stage, "variance of displacement", Statistic(float(covariance[0, 0]))
-        yield stage, "variance of velocity", Statistic(float(covariance[1, 1]))
         known = np.isfinite(covariance).all()
-        yield stage, "|rho|", Statistic(abs(correlation(covariance)) if known else NAN)
-        yield stage, "covariance eigenvalue", Statistic(covariance_eigenvalue(covariance))
-        yield stage, "kurtosis", kurtosis_margin(raw)
-        yield stage, "moment matrix", moment_matrix_eigenvalue(raw)
-        yield stage, "negative mass", _series_negative_mass(prediction, impact, stage)
+        statistics = {
+            "variance of displacement": Statistic(float(covariance[0, 0])),
+            "variance of velocity": Statistic(float(covariance[1, 1])),
+            "|rho|": Statistic(abs(correlation(covariance)) if known else NAN),
+            "covariance eigenvalue": Statistic(covariance_eigenvalue(covariance)),
+            "kurtosis": kurtosis_margin(raw),
+            "moment matrix": moment_matrix_eigenvalue(raw),
+            "negative mass": _series_negative_mass(prediction, impact, stage),
+        }
+        for check, statistic in statistics.items():
+            yield stage, check, statistic
 
 
 def realizability_table(predictions: Sequence[MeanMap]) -> pd.DataFrame:

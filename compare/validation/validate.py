@@ -130,18 +130,22 @@ def validate(
     scene = scene.phase_reduced
     biased = SCHEMES[choice("scheme", scheme, SCHEMES)].has_step_bias
     dt = default_step(scene, scheme, biased) if dt is None else dt
-    sample = partial(
-        simulate,
+    seed = read_seed(rng)
+    check_settings(
         scene,
+        paths=paths,
         impacts=impacts,
         dt=dt,
         scheme=scheme,
-        rng=read_seed(rng),
+        rng=seed,
         workers=workers,
+        step_bias=biased,
     )
-    check_settings(scene, paths=paths, step_bias=biased, **sample.keywords)
     predictions = {method.name: predict(given, method, impacts, order) for method in methods}
     maps = [m.phase_reduced for m in predictions.values()]
+    sample = partial(
+        simulate, scene, impacts=impacts, dt=dt, scheme=scheme, rng=seed, workers=workers
+    )
     orbit = follow(scene, impacts)
     record, sampling = _plan_records(orbit, predictions, sample, biased, fixed_times)
     run = sample(paths=paths, sampling=sampling, progress=progress, record=record)
