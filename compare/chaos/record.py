@@ -217,3 +217,21 @@ def noisy_record(
             regime.end = SILENT
             return
         yield s, velocity
+
+
+def read_orbit(scene: Scene, impacts: int) -> Iterator[Stretch]:
+    """The record of an orbit without tangents; raises the reason where it has none."""
+    regime = Regime()
+    yield from orbit_record(scene, impacts, regime, tangent=False)
+    regime.require()
+
+
+def read_path(
+    scene: Scene, seed: int, path: int, *, impacts: int, steps: int = 0
+) -> Iterator[tuple[Stretch, Floats]]:
+    """The record of a noisy path without tangents; raises the reason where it has none."""
+    regime = Regime()
+    yield from noisy_record(
+        scene, seed, regime, impacts=impacts, steps=steps, path=path, tangent=False
+    )
+    regime.require()
