@@ -16,7 +16,7 @@ from rattle.compare.engine.run import Runner
 from rattle.compare.engine.store import open_store
 from rattle.compare.judge.verdict import Verdict
 from rattle.compare.parameters.boundary import check_search, seed_of
-from rattle.compare.parameters.finding import AlongParameter, after_number
+from rattle.compare.parameters.finding import AlongParameter
 from rattle.compare.parameters.search import (
     LOOK_SHARE,
     MOST_VALUES,
@@ -139,8 +139,8 @@ class Crossing(AlongParameter):
         *said, number = super().answer
         near = [f"{value:.3g}" for value in self._cross_estimates()]
         if near:
-            unit = after_number(self.unit)
-            said.append(f"By the estimates alone it crosses near {', '.join(near)}{unit}.")
+            places = f"{', '.join(near)} {self.unit}".rstrip()
+            said.append(f"By the estimates alone it crosses near {places}.")
         return [*said, number]
 
     def _cross_estimates(self) -> Iterator[float]:

@@ -199,13 +199,18 @@ def make_environment(finalize: Callable[[Any], Any]) -> Environment:
     )
 
 
-def render_sentences(template: str, **values: Any) -> list[str]:
-    """The sentences of an answer; in its template an empty line stands between two of them."""
+def render_text(template: str, **values: Any) -> str:
+    """A template as plain text."""
     environment = make_environment(str)
     environment.autoescape = False
     environment.filters["form"] = format
     environment.tests["finite"] = math.isfinite
-    text = environment.get_template(template).render(values)
+    return environment.get_template(template).render(values)
+
+
+def render_sentences(template: str, **values: Any) -> list[str]:
+    """The sentences of an answer; in its template an empty line stands between two of them."""
+    text = render_text(template, **values)
     return [line(sentence) for sentence in re.split(r"\n\s*\n", text) if sentence.strip()]
 
 
