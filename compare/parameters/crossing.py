@@ -256,8 +256,15 @@ def crossing(
 
         def run(paths: int, periods: int) -> LongResult:
             bar.set_postfix_str(f"{over} = {value:.4g}, {periods:,} periods of {paths} paths")
-            length = {"paths": paths, "periods": periods}
-            cell = LongCell(changed, its_seed, (), **length, slow=slow_there, limit=time_left)
+            cell = LongCell(
+                changed,
+                its_seed,
+                (),
+                paths=paths,
+                periods=periods,
+                slow=slow_there,
+                limit=time_left,
+            )
             result: LongResult = store.obtain(cell, runner.compute)
             return result
 

@@ -270,16 +270,10 @@ def boundary_map(
     for i, search in sorted(searches.items()):
         rows += curve_rows(at[i], search)
         judged += [search.table.assign(along=at[i])] if len(search.table) else []
-    return BoundaryMap(
-        scene,
-        method.name,
-        over,
-        along,
-        pd.DataFrame(rows),
-        pd.concat(judged, ignore_index=True),
-        sum(search.facts["path_steps"] for search in searches.values()),
-        (first.unit, second.unit),
-    )
+    table = pd.concat(judged, ignore_index=True)
+    steps = sum(search.facts["path_steps"] for search in searches.values())
+    units = (first.unit, second.unit)
+    return BoundaryMap(scene, method.name, over, along, pd.DataFrame(rows), table, steps, units)
 
 
 def expect(beside: Sequence[Content]) -> list[float]:

@@ -219,15 +219,11 @@ def closure_sensitivity(
         slope = _predict_slope(chosen[name], method, impacts)
         changed = values[1 + 4 * k : 5 + 4 * k].swapaxes(0, 1)  # (groups, down and up by step, …)
         for (m, q, i), predicted in np.ndenumerate(slope):
-            place = {
-                "parameter": name,
-                "impact": i + 1,
-                "quantity": SECTION[q],
-                "moment": CHANGED_MOMENTS[m],
-            }
             checks = slope.size * len(scenes)
             change = _change(predicted, changed[:, :, m, q, i], unit[q, i], checks, allowed[m])
-            rows.append(place | change)
+            change |= {"parameter": name, "impact": i + 1}
+            change |= {"quantity": SECTION[q], "moment": CHANGED_MOMENTS[m]}
+            rows.append(change)
     table = judge(pd.DataFrame(rows).assign(paths=float(groups * group_paths)))
     return ClosureSensitivity(scene, method.name, table[CHANGE_COLUMNS], groups * group_paths)
 
