@@ -11,7 +11,7 @@ import math
 import re
 from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, field
-from functools import partial
+from functools import cache, partial
 from importlib.resources import files
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -199,13 +199,19 @@ def make_environment(finalize: Callable[[Any], Any]) -> Environment:
     )
 
 
-def render_text(template: str, **values: Any) -> str:
-    """A template as plain text."""
+@cache
+def _text_environment() -> Environment:
+    """Jinja's environment for plain text."""
     environment = make_environment(str)
     environment.autoescape = False
     environment.filters["form"] = format
     environment.tests["finite"] = math.isfinite
-    return environment.get_template(template).render(values)
+    return environment
+
+
+def render_text(template: str, **values: Any) -> str:
+    """A template as plain text."""
+    return _text_environment().get_template(template).render(values)
 
 
 def render_sentences(template: str, **values: Any) -> list[str]:
