@@ -92,17 +92,6 @@ def test_raw_moments_of_a_stage_are_those_of_their_hierarchy(order):
     assert abs(wrong - right)[0, 2] > 0.05 * right[0, 2]
 
 
-@pytest.mark.parametrize("name", SCENES)
-def test_without_noise_it_is_the_orbit_exactly(name):
-    scene = SCENES[name].with_sigma(0.0)
-    orbit = follow(scene, 12)
-    m = mean_map(scene, impacts=12, closure="corrected")
-    assert np.array_equal(m.trace.mean, orbit.before)
-    assert np.array_equal(m.section["tau"], orbit.tau[1:])
-    assert not m.trace.covariance.any()
-    assert m.section["realizable"].all()
-
-
 def test_an_impact_shifts_the_struck_mean_inward_by_phi_0_sd():
     """Eqs. 20, 21: the window ends at the struck wall and holds half of a Gaussian whose other wall
     is far."""
