@@ -4,14 +4,13 @@ import os
 import shutil
 import signal
 import subprocess
-import sys
 import threading
 from pathlib import Path
 from types import SimpleNamespace
 
 import numba
 import pytest
-from programs import python
+from programs import python, start
 
 from rattle.scene import compile_ahead, compiled
 
@@ -152,14 +151,8 @@ def test_what_was_started_ends_with_this_process(end):
     """By itself or killed."""
     then = "\nfrom rattle.compare.warm_up import _end_with_parent\n_end_with_parent()"
     code = SLEEPER.format(then=then, alive=60 if end else 0.5)
-    environment = os.environ | {
-        compile_ahead.COMPILERS: "2",
-        "PYTHONPATH": os.pathsep.join(sys.path),
-    }
-    environment.pop("PYTEST_XDIST_WORKER", None)
-    with subprocess.Popen(
-        [sys.executable, "-c", code], env=environment, stdout=subprocess.PIPE
-    ) as parent:
+    environment = {compile_ahead.COMPILERS: 2, "PYTEST_XDIST_WORKER": None}
+    with start("-c", code, **environment) as parent:
         child = int(parent.stdout.readline())
         if end:
             parent.send_signal(end)
@@ -233,16 +226,9 @@ def test_processes_that_compile_one_function_for_different_types_at_once_keep_al
     for name, target in (("src/rattle", place), ("scene", place / "scene")):
         shutil.copytree(ROOT / name, target, ignore=sources_alone, dirs_exist_ok=True)
     (place / "scene" / "types_of_sums.py").write_text(TYPES)
-    environment = os.environ | {
-        "NUMBA_CACHE_DIR": str(tmp_path / "kept"),
-        "PYTHONPATH": str(place.parent),
-    }
-    processes = [
-        subprocess.Popen([sys.executable, "-c", BOTH, *part], env=environment)
-        for part in (KINDS[:3], KINDS[3:])
-    ]
-    assert [process.wait() for process in processes] == [0, 0]
-    done = subprocess.run(
-        [sys.executable, "-c", BOTH, *KINDS], env=environment, capture_output=True, check=True
-    )
-    assert done.stdout == b"0\n"
+    environment = {"NUMBA_CACHE_DIR": tmp_path / "kept", "PYTHONPATH": place.parent}
+    processes = [start("-c", BOTH, *part, **environment) for part in (KINDS[:3], KINDS[3:])]
+    for process in processes:
+        _, said = process.communicate()
+        assert process.returncode == 0, said
+    assert python("-c", BOTH, *KINDS, **environment).stdout == "0\n"

@@ -1,7 +1,5 @@
 """Functions compiled here beside a user's own functions of numba."""
 
-import os
-import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import nullcontext
@@ -10,7 +8,6 @@ from pathlib import Path
 import numba
 import numpy as np
 import pytest
-from programs import python
 
 from rattle import Scene
 from rattle.scene import compiled
@@ -69,32 +66,6 @@ def test_errors_pass_between_a_users_functions_and_ours(function):
         with pytest.raises(ValueError, match="below zero") as raised:
             function(-4)
         assert raised.value.args == ("below zero", -4)
-
-
-CODE = (
-    "from rattle.scene.moments import gaussian_raw_moments as f;"
-    "print(float(f(1.0, 0.5, 2.0, 4)[2, 2]), sum(f.stats.cache_hits.values()))"
-)
-
-
-@pytest.mark.slow
-@COMPILED
-def test_two_processes_fill_one_cache(tmp_path):
-    environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
-    both = [
-        subprocess.Popen(
-            [sys.executable, "-c", CODE],
-            env=environment,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-        )
-        for _ in range(2)
-    ]
-    said = [process.communicate() for process in both]
-    assert [process.returncode for process in both] == [0, 0], said
-    for out, _ in said:
-        assert out.split()[0] == b"2.5"
-    assert python("-c", CODE, NUMBA_CACHE_DIR=str(tmp_path)).stdout.split() == ["2.5", "1"]
 
 
 def keep_in_threads():
