@@ -10,7 +10,7 @@ from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 from sample_page import NASTY, SIGNS_OF_MARKS, figures, html, markdown, read_sections, sample
 
-from rattle.scene.text import line
+from rattle.scene import line
 
 
 class Read(HTMLParser):
