@@ -6,7 +6,7 @@ import shutil
 from pathlib import Path
 
 import pytest
-from programs import python
+from programs import install, python
 
 from rattle.scene.compiled import PACKAGES, TAKEN, source_digest
 
@@ -143,9 +143,7 @@ def names(*nodes):
 def installed(tmp_path):
     """An installation that nobody can write, and an environment without a home."""
     place = tmp_path / "installed"
-    sources_alone = shutil.ignore_patterns("__pycache__")
-    shutil.copytree(ROOT / "src" / "rattle", place / "rattle", ignore=sources_alone)
-    shutil.copytree(ROOT / "scene", place / "rattle" / "scene", ignore=sources_alone)
+    install(place / "rattle")
     (place / "rattle" / "scene" / "__pycache__").touch()
     (tmp_path / "tmp").mkdir()
     return {

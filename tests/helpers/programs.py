@@ -3,10 +3,21 @@
 import os
 import pty
 import re
+import shutil
 import subprocess
 import sys
+from pathlib import Path
 
 LONG = 600  # seconds that nothing here takes, however busy the machine
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def install(place):
+    """Copy the face of the package and what all of it rests on into a folder."""
+    place.mkdir(parents=True)
+    sources_alone = shutil.ignore_patterns("__pycache__")
+    for source, target in (("src/rattle", place), ("scene", place / "scene")):
+        shutil.copytree(ROOT / source, target, ignore=sources_alone, dirs_exist_ok=True)
 
 
 def surroundings(environment):
