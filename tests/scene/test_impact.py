@@ -47,12 +47,11 @@ def first_impact(scene, tau, state, mesh=0):
 @pytest.mark.parametrize("name", SCENES)
 def test_the_first_impact_is_the_first_crossing_of_an_integrator(name):
     scene = SCENES[name]
-    c = scene.constants
-    box = two_stages(c)
+    box = two_stages(scene.constants)
     rng = np.random.default_rng(5)
     for _ in range(80):
         tau = rng.uniform(0, 2 * math.pi)
-        state = rng.uniform(-1, 1, 4) * (c.wall1, 2.0, c.wall2, 2.0)
+        state = rng.uniform(-1, 1, 4) * (scene.gap1, 2.0, scene.gap2, 2.0)
         expected = box.first_crossing(tau, state, 20.0)
         found = first_impact(scene, tau, state)
         if expected is None:
@@ -64,7 +63,7 @@ def test_the_first_impact_is_the_first_crossing_of_an_integrator(name):
         assert (
             abs(t - expected[0]) < 1e-11 + 1e-11 / speed
         )  # what the integrator leaves in x, over the speed
-        known = 2 * c.stages  # a single stage has no x2, y2
+        known = 2 * scene.stages  # a single stage has no x2, y2
         assert there[:known] == pytest.approx(expected[3][:known], rel=0, abs=1e-10 + 1e-10 / speed)
 
 
