@@ -52,9 +52,13 @@ SCENES = {
 def test_covariance_is_that_of_its_own_equation(name):
     scene = SCENES[name]
     exact = covariances(scene, follow(scene, 12))
-    found = mean_map(scene, impacts=12, closure="corrected").trace.covariance
+    m = mean_map(scene, impacts=12, closure="corrected")
+    found = m.trace.covariance
     for k in range(13):  # covariances grow along the orbit; the integrator holds 1e-12 of each
         assert found[k] == pytest.approx(exact[k], rel=0, abs=1e-9 * abs(exact[k]).max())
+    before = m.at_times([m.trace.tau[12] - 1e-10]).iloc[0]  # the impact
+    assert before["cov_y1_y2"] == pytest.approx(found[12][1, 3], abs=1e-8 * abs(found[12]).max())
+    assert before[[*STATE]].to_numpy() == pytest.approx(m.trace.mean[12], abs=1e-8)
 
 
 def test_a_wrong_restitution_is_distinguished():
@@ -120,16 +124,3 @@ def test_the_windows_reach_to_the_largest_gap(distribution):
     )
     sd = mean_map(scene, impacts=1, closure="corrected").section.loc[1, "sd_x1"]
     assert abs(shift[0]) / sd == pytest.approx(PHI0 if distribution == "fixed" else 0.0, abs=1e-6)
-
-
-def test_moments_at_fixed_times_tend_to_the_section_moments_at_an_impact():
-    m = mean_map(Scene.from_gears(DAT21, sigma=0.05), impacts=6, closure="corrected")
-    row = m.at_times([m.trace.tau[6] - 1e-10]).iloc[0]
-    upper = np.triu_indices(4)
-    names = [f"cov_{STATE[i]}_{STATE[j]}" for i, j in zip(*upper, strict=True)]
-    covariance = m.trace.covariance[6]
-    assert row[names].to_numpy() == pytest.approx(
-        covariance[upper], abs=1e-8 * abs(covariance).max()
-    )
-    assert row[[*STATE]].to_numpy() == pytest.approx(m.trace.mean[6], abs=1e-8)
-    assert row["rho1"] == pytest.approx(m.section.loc[6, "rho1"], abs=1e-7)
