@@ -13,8 +13,7 @@ from rattle.compare.judge.verdict import judge
 from rattle.compare.validation.errors import judge_again, section_errors
 from rattle.montecarlo import Record, simulate, simulate_rare
 from rattle.montecarlo.statistics.intervals import ABSOLUTE, widest
-from rattle.scene import DAT21, Scene
-from rattle.scene.types import SECTION
+from rattle.scene import DAT21, SECTION, Scene
 
 IMPACTS = 4
 
