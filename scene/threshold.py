@@ -10,7 +10,7 @@ from rattle.scene.gears import KG_MM_PER_S2_PER_N
 from rattle.scene.numpy_errors import numpy_defaults
 from rattle.scene.scene import Scene, check_scene
 from rattle.scene.sticking import lock
-from rattle.scene.types import Constants
+from rattle.scene.types import Constants, Floats
 
 PULL_POINTS = 32  # points for each order of the drive, among which the largest pull is looked for
 ZOOMS = 6  # times that the place of the largest pull is looked for sixteen times as closely
@@ -95,7 +95,27 @@ def rattle_threshold(scene: Scene) -> tuple[RattleThreshold, ...]:
     (2.0, True)
     """
     check_scene(scene)
+    gears = scene.gears
+    out = []
     c = scene.constants
+    values = zip(scene.wheel_names, c.wheels["gamma"], least_drags(c), strict=True)
+    for number, (name, gamma, threshold) in enumerate(values, 1):
+        if gears is None:
+            out.append(RattleThreshold(number, float(gamma), float(threshold), "", name))
+            continue
+        at = gears.tree[number - 1]
+        # N mm of gamma = 1
+        unit = at.inertia * gears.units.length * gears.omega**2
+        newton = unit / (KG_MM_PER_S2_PER_N * at.radius)
+        out.append(RattleThreshold(number, at.torque, float(threshold) * newton, "N mm", name))
+    return tuple(out)
+
+
+def least_drags(c: Constants) -> Floats:
+    """The ``gamma`` of each wheel from which on its closed teeth stay closed.
+
+    Shapes: result (wheels,).
+    """
     wheels = c.wheels
     bodies = lock(c, np.ones(wheels.size, np.int64))
     # least: of each wheel; kept: of all that is locked below its mesh, each with its own threshold
@@ -110,19 +130,7 @@ def rattle_threshold(scene: Scene) -> tuple[RattleThreshold, ...]:
         if wheel.parent >= 0:
             total = wheel.mass * max(wheel.gamma, least[i]) + below
             kept[wheel.parent] += wheel.ratio * total
-    gears = scene.gears
-    out = []
-    values = zip(scene.wheel_names, wheels["gamma"], least, strict=True)
-    for number, (name, gamma, threshold) in enumerate(values, 1):
-        if gears is None:
-            out.append(RattleThreshold(number, float(gamma), float(threshold), "", name))
-            continue
-        at = gears.tree[number - 1]
-        # N mm of gamma = 1
-        unit = at.inertia * gears.units.length * gears.omega**2
-        newton = unit / (KG_MM_PER_S2_PER_N * at.radius)
-        out.append(RattleThreshold(number, at.torque, float(threshold) * newton, "N mm", name))
-    return tuple(out)
+    return least
 
 
 def _largest_pull(c: Constants, beta: float) -> float:

@@ -8,7 +8,7 @@ import tomllib
 from importlib.resources import files
 from typing import Any
 
-from rattle.scene import Gears, InputError
+from rattle.scene import Gears, InputError, Scene
 
 
 def read_texts(package: str) -> dict[str, Any]:
@@ -24,6 +24,12 @@ def _join_lines(value: Any) -> Any:
     if isinstance(value, dict):
         return {name: _join_lines(inner) for name, inner in value.items()}
     return " ".join(value.split()) if isinstance(value, str) else value
+
+
+def wheel_label(scene: Scene, wheel: int) -> str:
+    """The number of a wheel or of its mesh, and the name that its file gives it: "2 (shaft)"."""
+    name = scene.wheel_names[wheel - 1]
+    return str(wheel) if name == str(wheel) else f"{wheel} ({name})"
 
 
 def read_file(package: str, name: str) -> str:

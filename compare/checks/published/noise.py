@@ -29,10 +29,10 @@ from scipy.stats import truncnorm
 from rattle.compare.checks.check import Check, Found, bare
 from rattle.montecarlo import Ensemble, Record, Sampling, simulate
 from rattle.montecarlo.coupling.dyadic import DEEPEST, HIT, Tree, clockwork_of, new_room, walk_step
-from rattle.montecarlo.kernel.block import CROSS
+from rattle.montecarlo.kernel.block import state_pairs
 from rattle.montecarlo.noise.philox import STEP, Word, key_of, normals
 from rattle.montecarlo.schemes.exact_flight import flight_forcing
-from rattle.scene import STATE, Floats, RattleError, Scene, Start, Tolerance
+from rattle.scene import Floats, RattleError, Scene, Start, Tolerance, state_names
 from rattle.scene.compiled import jit
 from rattle.scene.flight import flow, noise_covariance
 from rattle.scene.impact import struck
@@ -405,8 +405,10 @@ def _follow(
 
 def _central(run: Ensemble, quantity: str, power: int) -> Floats:
     """Central moments of a quantity at the fixed times, shape (times,)."""
-    i = STATE.index(quantity)
-    return np.asarray(run.result.sums["fixed"].moment(power, 0)[:, CROSS.index((i, i))])
+    wheels = run.scene.stages
+    i = state_names(wheels).index(quantity)
+    at = state_pairs(wheels).index((i, i))
+    return np.asarray(run.result.sums["fixed"].moment(power, 0)[:, at])
 
 
 def free_flight(seed: int = 0, workers: int = 2) -> Found:
@@ -414,20 +416,20 @@ def free_flight(seed: int = 0, workers: int = 2) -> Found:
     run = _follow(SCENE, [START.tau + FREE_FLIGHT], 1, [seed, 7], workers)
     row = run.at_times().iloc[0]
     t = float(run.fixed_times[0]) - START.tau
+    names = state_names(SCENE.stages)
 
     def checks(scene: Scene = SCENE) -> Iterator[Check]:
-        state = START.x1, START.y1, START.x2, START.y2
-        mean = flow(scene.constants, START.tau, *state, t)
+        mean = flow(scene.constants, START.tau, scene.start_state, t)
         covariance = noise_covariance(scene.constants, START.tau, t)
-        for q, truth in zip(STATE, mean, strict=True):
+        for q, truth in zip(names, mean.tolist(), strict=True):
             yield _moment(row, q, f"E {q}", truth, STEP_ERROR)
-        for i, j in CROSS:
-            column = f"cov_{STATE[i]}_{STATE[j]}"
+        for i, j in state_pairs(SCENE.stages):
+            column = f"cov_{names[i]}_{names[j]}"
             truth = float(covariance[i, j])
             yield _moment(row, column, column.replace("_", " "), truth, STEP_ERROR)
 
     def shape(skewness: float, kurtosis: float) -> Iterator[Check]:
-        for q in STATE:
+        for q in names:
             m2, m3, m4 = (float(_central(run, q, power)[0]) for power in (2, 3, 4))
             se = math.sqrt(6.0 / GAUSSIAN_PATHS)
             yield Check(f"skewness of {q}", m3 / m2**1.5, skewness, se)
@@ -467,7 +469,7 @@ def elastic_box(seed: int = 0, workers: int = 2) -> Found:
     def checks(
         run: Ensemble = run, sigma: float = UNIT_SIGMA, phase: float = 0.0
     ) -> Iterator[Check]:
-        followed = run.result.sums["fixed"].n[:, CROSS.index((1, 1))]
+        followed = run.result.sums["fixed"].n[:, state_pairs(run.scene.stages).index((1, 1))]
         yield Check("paths followed to the end", float(followed.min()), GAUSSIAN_PATHS)
         kurtosis = _central(run, "y1", 4) / _central(run, "y1", 2) ** 2 - 3.0
         at_start = speed_variance(phase, BETA, sigma)
