@@ -15,7 +15,7 @@ from rattle.compare.validation.errors import judge_again, section_errors
 from rattle.montecarlo import Record, simulate, simulate_rare
 from rattle.montecarlo.statistics.intervals import ABSOLUTE, widest
 from rattle.scene import DAT21, Scene
-from rattle.scene.types import SECTION
+from rattle.scene.types import section_names
 
 IMPACTS = 4
 
@@ -124,7 +124,7 @@ def test_a_perfect_closure_is_within_its_intervals(sigma):
     = 0.05 here): no interval estimated from such a sample can include it, and the report says so.
     """
     claim = Claimed(corrected(ensemble(sigma, seed=1, paths=200_000)))
-    z = widest(2 * len(SECTION) * IMPACTS)
+    z = widest(2 * len(section_names(2)) * IMPACTS)
     missing = 0
     for seed in range(100, 112):
         table = section_errors([claim], ensemble(sigma, seed, 4096), z, Tolerances())
@@ -145,7 +145,7 @@ def few():
 
 
 def seeds_called_inaccurate(claim, runs):
-    z = widest(2 * len(SECTION) * 2)
+    z = widest(2 * len(section_names(2)) * 2)
     return sum(
         (section_errors([claim], run, z, Tolerances())["verdict"] == "inaccurate").any()
         for run in runs
@@ -161,7 +161,7 @@ def test_few_paths_do_not_call_a_perfect_closure_inaccurate(few, paths):
 def test_few_paths_with_normal_intervals_would(few, monkeypatch):
     claim, runs = few
     monkeypatch.setattr(
-        "rattle.compare.judge.rows.half_width", lambda *_: widest(2 * len(SECTION) * 2)
+        "rattle.compare.judge.rows.half_width", lambda *_: widest(2 * len(section_names(2)) * 2)
     )
     monkeypatch.setattr("rattle.montecarlo.diagnostics.reference.FEWEST_FOR_SD", 0)
     assert seeds_called_inaccurate(claim, runs[4]) > 30
@@ -190,7 +190,7 @@ def test_few_paths_see_a_wrong_mean_and_judge_no_sd(few):
 )
 def test_a_negative_control_is_inaccurate(truth, column, change):
     run = ensemble(0.02, seed=7, paths=40_000)
-    z = widest(2 * len(SECTION) * IMPACTS)
+    z = widest(2 * len(section_names(2)) * IMPACTS)
     wrong = truth.assign(**{column: change(truth)})
     quantity = column.removeprefix("sd_")
     moment = "sd" if column.startswith("sd_") else "mean"
