@@ -163,13 +163,14 @@ class Sensitivity(Finding):
         return tornado(self.table, list(self.values.index))
 
 
-def default_quantities(stages: int) -> tuple[str, ...]:
+def default_quantities(wheels: int) -> tuple[str, ...]:
     """Impacts that are not slow and energy lost, per unit of time, and mean and 95 % speed of
     impacts, by mesh."""
     names = ("power", "rate_above", "speed_above", "q95_speed_above")
-    if stages == 1:
+    if wheels == 1:
         return names
-    return ("power", "rate_above", *(f"{name}_mesh{m}" for m in (1, 2) for name in names))
+    meshes = range(1, wheels + 1)
+    return ("power", "rate_above", *(f"{name}_mesh{m}" for m in meshes for name in names))
 
 
 @numpy_defaults

@@ -40,7 +40,7 @@ from rattle.montecarlo.long_run.estimates import all_names
 from rattle.montecarlo.looks import Looks
 from rattle.montecarlo.settings import begins
 from rattle.montecarlo.statistics.intervals import AGAIN, widest
-from rattle.scene import SECTION, InputError, Scene, choice
+from rattle.scene import InputError, Scene, choice, section_names
 from rattle.scene.numpy_errors import call_users
 from rattle.scene.progress import print_on_stderr
 
@@ -265,7 +265,7 @@ def predict_long(model: Any, scene: Scene, quantities: str | Sequence[str]) -> L
         why = "give a list, as in quantities=['rate', 'energy']"
         raise InputError("quantities", quantities, why)
     for name in names:
-        if name in SECTION:
+        if name in section_names(scene.stages):
             marker = f"@pytest.mark.rattle(quantities={name!r})"
             why = f"is a moment at each impact: name it in the marker, as in {marker}"
             long_run = "check takes those of the long run, such as 'rate'"

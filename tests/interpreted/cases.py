@@ -145,8 +145,8 @@ def long_run_sums(scene):
     """All sums of two paths of a long run over a period, with the scales of the period before."""
     walk = Walk(scene, np.random.SeedSequence(3), 0, 2)
     seen = []
-    walk.follow(new_sums(2, 1, no_scales(0.1), False), seen=seen)
-    kept = new_sums(2, 1, scales_of_pilot(np.concatenate(seen), 0.1))
+    walk.follow(new_sums(2, 1, no_scales(scene.stages, 0.1), False), seen=seen)
+    kept = new_sums(2, 1, scales_of_pilot(scene.stages, np.concatenate(seen), 0.1))
     walk.follow(kept)
     yield from (kept.main, kept.power, kept.products, kept.histogram, kept.section)
 

@@ -64,8 +64,8 @@ def test_the_noise_that_closed_meshes_take_up_is_energy_lost(stages):
         alpha=1.0, epsilon=0.5, beta1=0.0, gamma1=3.0, sigma=0.05, stages=stages, **second
     )
     walk = Walk(pressed, np.random.SeedSequence(3), 0, 4, quiet_of(pressed, 0.1, None))
-    walk.follow(new_sums(4, 16, no_scales(0.1), detail=False), periods=16)
-    sums = new_sums(4, 16, no_scales(0.1), detail=False)
+    walk.follow(new_sums(4, 16, no_scales(stages, 0.1), detail=False), periods=16)
+    sums = new_sums(4, 16, no_scales(stages, 0.1), detail=False)
     walk.follow(sums, periods=16)
     assert sums.main[:, :, NUMBER].sum() == 0.0
     wheels = 1.0 if stages == 1 else 2.0  # of equal mass
