@@ -29,7 +29,8 @@ class Stopwatch:
     """Wall time and processor time since it was made."""
 
     def __init__(self) -> None:
-        self._wall, self._cpu = time.perf_counter(), time.process_time()
+        self._wall = time.perf_counter()
+        self._cpu = time.process_time()
 
     @property
     def seconds(self) -> dict[str, float]:

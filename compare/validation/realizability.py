@@ -329,7 +329,8 @@ def realizability_table(predictions: Sequence[MeanMap]) -> pd.DataFrame:
     missed = table["sign"] * (table["bound"] - table["value"])
     known = table["value"].notna()
     holds = missed <= table["slack"] * table["scale"]
-    table["holds"], table["excess"] = holds.astype("boolean").where(known), missed.mask(holds, 0.0)
+    table["holds"] = holds.astype("boolean").where(known)
+    table["excess"] = missed.mask(holds, 0.0)
     return table[["closure", "impact", "stage", "check", "value", "bound", "holds", "excess"]]
 
 

@@ -113,26 +113,34 @@ def _fly(
     nothing = series.shape[0] - 1  # a row of zeros: the driver does not deviate
     for i in range(c.wheels.size):
         wheel = c.wheels[i]
+        # read once: what is written below might be what is read, as far as the compiler knows
+        beta = wheel.beta
+        coupling = wheel.coupling
+        by_acceleration = wheel.second
+        by_velocity = wheel.first
+        sign = wheel.sign
+        ratio = wheel.ratio
         speed = series[2 + i]
         carried = series[2 + wheel.parent if wheel.parent >= 0 else nothing]
+        x = s[2 * i]
         y = s[2 * i + 1]
+        drag = dragged * h * wheel.drag
         y_end = y
         moved = 0.0
         before = 0.0
-        drag = dragged * h * wheel.drag
-        speed[0] = wheel.sign * y + wheel.ratio * carried[0]
+        speed[0] = sign * y + ratio * carried[0]
         for k in range(1, terms + 1):  # from the terms in u^(k - 1) to those in u^k
             share = SHARES[k]
             hk = h * share
-            m = wheel.second * series[1, k - 1] + wheel.first * series[0, k - 1]
+            m = by_acceleration * series[1, k - 1] + by_velocity * series[0, k - 1]
             moved += hk * y
             forced = share * (drag + (even * m + odd * before))
-            y = forced + hk * (wheel.coupling * carried[k - 1] - wheel.beta * y)
+            y = forced + hk * (coupling * carried[k - 1] - beta * y)
             y_end += y
             before = m
             drag = 0.0
-            speed[k] = wheel.sign * y + wheel.ratio * carried[k]
-        end[2 * i] = s[2 * i] + moved
+            speed[k] = sign * y + ratio * carried[k]
+        end[2 * i] = x + moved
         end[2 * i + 1] = y_end
     return after
 

@@ -115,7 +115,7 @@ def put_on_wall(s: Floats, code: int, walls: Floats) -> None:
     s[2 * i] = walls[2 * i] if code > 0 else -walls[2 * i + 1]
 
 
-@lean_internal
+@inline
 def parent_deviation(c: Constants, s: Floats, i: int) -> float:
     """Deviation of the speed of the wheel that gap i is a gap to; 0 for the driver."""
     total = 0.0

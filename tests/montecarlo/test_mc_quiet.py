@@ -4,10 +4,10 @@ import math
 
 import numpy as np
 import pytest
+from mc_checks import Walk
 
-from rattle.montecarlo.long_run import long_run
+from rattle import stationary
 from rattle.montecarlo.long_run.sums import ENERGY, NUMBER, PERIOD, new_sums, no_scales
-from rattle.montecarlo.long_run.walk import Walk
 from rattle.montecarlo.schemes.quiet import quiet_of, tail_exponent
 from rattle.scene import Scene
 
@@ -25,7 +25,8 @@ CHATTER = Scene(
 
 
 def follow(resolve, seed):
-    return long_run(CHATTER, periods=64, paths=16, burn_in=16, resolve=resolve, rng=seed)
+    settings = {"periods": 64, "paths": 16, "burn_in": 16, "closures": ()}
+    return stationary(CHATTER, resolve=resolve, rng=seed, **settings).run
 
 
 @pytest.fixture(scope="module")
@@ -63,8 +64,8 @@ def test_the_noise_that_closed_meshes_take_up_is_energy_lost(stages):
         alpha=1.0, epsilon=0.5, beta1=0.0, gamma1=3.0, sigma=0.05, stages=stages, **second
     )
     walk = Walk(pressed, np.random.SeedSequence(3), 0, 4, quiet_of(pressed, 0.1, None))
-    walk.follow(new_sums(4, 16, no_scales(0.1), detail=False), periods=16)
-    sums = new_sums(4, 16, no_scales(0.1), detail=False)
+    walk.follow(new_sums(4, 16, no_scales(stages, 0.1), detail=False), periods=16)
+    sums = new_sums(4, 16, no_scales(stages, 0.1), detail=False)
     walk.follow(sums, periods=16)
     assert sums.main[:, :, NUMBER].sum() == 0.0
     wheels = 1.0 if stages == 1 else 2.0  # of equal mass

@@ -8,10 +8,9 @@ import pytest
 from oracle import gearbox
 from scenes import ORDERS, THREE
 
-import rattle
-from rattle.scene import DAT21, InputError, Order, Scene, Start
+from rattle import DAT21, InputError, Order, Scene, Start, follow
+from rattle.closure import refusals
 from rattle.scene.flight import noise_covariance
-from rattle.scene.orbit import follow
 
 STATE = (0.1, -1.3, 0.2, 0.7)
 # the second is too far from the first for a recurrence
@@ -48,19 +47,6 @@ def test_one_order_that_is_the_sine_is_the_default():
     assert "drive" not in plain.to_dict()
     assert "drive" not in repr(plain)
     assert "correlation_time" not in plain.to_toml()
-
-
-def test_files_give_back_the_drive():
-    for scene in (
-        THREE,
-        replace(THREE, correlation_time=0.3),
-        replace(THREE, gears=None, alpha=1.2),
-    ):
-        again = Scene.from_toml(scene.to_toml())
-        assert again == scene
-        assert again.gears == scene.gears
-        names = {**vars(rattle.scene), "Order": Order}
-        assert eval(repr(again), names) == scene
 
 
 GEARS = (
@@ -137,7 +123,6 @@ def test_a_drive_that_holds_no_orders_is_refused(drive, message):
 
 
 def test_the_published_closure_is_for_one_order_and_most_are_for_white_noise():
-    refusals = rattle.closure.refusals
     assert list(refusals(THREE)) == ["published"]
     assert "for one order only" in refusals(THREE)["published"]
     coloured = refusals(Scene.from_gears(DAT21, sigma=0.1, correlation_time=1.0))

@@ -4,19 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scenes import TREES
+from scenes import THREE, TREES
 
-from rattle.scene import (
-    DAT21,
-    FileError,
-    Gears,
-    InputError,
-    Order,
-    Scene,
-    Start,
-    Tolerance,
-    Wheel,
-)
+import rattle.scene
+from rattle.scene import DAT21, FileError, InputError, Order, Scene, Start, Tolerance, Wheel
 
 VALUES = {
     "alpha": 1.5,
@@ -226,18 +217,6 @@ def test_what_a_scene_keeps_of_its_wheels_is_never_that_of_another():
     assert several.constants.drive.waves is not several.constants.drive.waves
 
 
-def test_from_gears_takes_the_gears_numbers_and_keeps_the_gears():
-    scene = Scene.from_gears(DAT21, sigma=0.2, stages=1)
-    assert (scene.alpha, scene.epsilon, scene.beta2, scene.gamma1) == (
-        1.5,
-        0.9,
-        DAT21.beta(2),
-        DAT21.gamma(1),
-    )
-    assert (scene.mu, scene.gap1, scene.gap2) == (DAT21.mu, 0.5, DAT21.gap2)
-    assert (scene.sigma, scene.stages, scene.gears) == (0.2, 1, DAT21)
-
-
 @pytest.mark.parametrize(
     ("key", "remedy"), [("sigm", "did you mean 'sigma'?"), ("beta1", "unknown key")]
 )
@@ -278,7 +257,6 @@ def test_noise_free_drops_what_is_random(distribution, kept):
 )
 def test_only_a_fixed_tolerance_moves_the_orbits_walls(distribution, wall1):
     scene = Scene(**VALUES, tolerance=Tolerance(0.05, 0.0, distribution=distribution))
-    assert scene.constants.wheels[0].wall == pytest.approx(wall1)
     assert scene.windows == pytest.approx(
         (0.55, 0.4)
     )  # Eqs. 20, 21 use g + c_max for every distribution
@@ -329,8 +307,7 @@ def test_broken_toml_is_a_file_error_that_says_where(text):
         Scene.from_toml(text)
 
 
-KINDS = (Gears, Order, Scene, Start, Tolerance, Wheel)
-NAMES = {"DAT21": DAT21} | {kind.__name__: kind for kind in KINDS}
+NAMES = vars(rattle.scene)
 LOOSE = replace(DAT21, backlash2=0.25)
 TREE = TREES["tree of 4"]
 NAMED = replace(
@@ -351,6 +328,9 @@ NAMED = replace(
         Scene(alpha=1.5, epsilon=0.9, beta1=0.1, gamma1=0.0, mu=0.5, sigma=-0.0),
         TREES["chain of 5"],
         NAMED,
+        THREE,
+        replace(THREE, correlation_time=0.3),
+        replace(THREE, gears=None, alpha=1.2),
     ],
 )
 def test_its_repr_and_its_toml_make_a_scene_again_to_the_last_bit(scene):

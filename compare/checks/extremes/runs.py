@@ -226,7 +226,7 @@ def _reach(run: montecarlo.Ensemble) -> float:
 
 
 # time of a flight from tau = 0, where the noise has no modulation yet: the most demanding flight
-FREE_FLIGHT = 0.2
+EXTREME_FLIGHT = 0.2
 FREE_DAMPINGS = (0.0, 1e-3, 0.1, 1.0, 10.0, 100.0, 1e3)
 FREE_STEPS = (1 / 8, 1.0)  # in units of the longest admissible one
 
@@ -244,14 +244,14 @@ def free_covariance() -> Iterator[float]:
             scene,
             paths=EXTREME_PATHS,
             impacts=1,
-            dt=FREE_FLIGHT / math.ceil(FREE_FLIGHT / (share * longest)),
+            dt=EXTREME_FLIGHT / math.ceil(EXTREME_FLIGHT / (share * longest)),
             scheme="exact-flight",
             rng=0,
-            sampling=Sampling(horizon=1.5 * FREE_FLIGHT),
-            record=Record(times=[FREE_FLIGHT]),
+            sampling=Sampling(horizon=1.5 * EXTREME_FLIGHT),
+            record=Record(times=[EXTREME_FLIGHT]),
         )
         row = run.at_times().iloc[0]
-        variances = flight.noise_covariance(scene.constants, 0.0, FREE_FLIGHT).diagonal()
+        variances = flight.noise_covariance(scene.constants, 0.0, EXTREME_FLIGHT).diagonal()
         for q, variance in zip(STATE, variances, strict=True):
             # what does not vary has no relative error
             if variance > 1e-12 * variances.max():

@@ -21,6 +21,7 @@ from rattle.compare.animation.record import SHOWN_PERIODS
 from rattle.compare.checks.stability.chart import AXES
 from rattle.compare.cli.main import main
 from rattle.compare.cli.shared import say
+from rattle.compare.cli.simulate import STATIONARY_BUDGET
 from rattle.compare.parameters.search import SEARCH_BUDGET
 from rattle.compare.parameters.sensitivity import EFFECT_ACCURACY, default_quantities
 from rattle.compare.stationary.verdicts import CLOSURES_JUDGED
@@ -138,6 +139,7 @@ REAL = {
     "simulate --dt": STEP,
     "simulate --budget": f"an hour; beyond it the answer is what {INSTEAD:g} s give",
     "stationary --accuracy": f"{LONG_RUN_ACCURACY:g}",
+    "stationary --budget": f"{STATIONARY_BUDGET:g}; with --periods refused above an hour",
     "stationary --paths": (
         f"{LONG_RUN_PATHS}; {SET_PATHS} where each is a gear set with backlashes of its own"
     ),

@@ -6,10 +6,10 @@ import pandas as pd
 import pytest
 from commands import rattle
 
-from rattle import DAT21, Scene, Tolerance, mean_map, simulate, simulate_rare, stationary
+from rattle import DAT21, Scene, Tolerance, mean_map, simulate, stationary
 from rattle.closure import CLOSURES
 from rattle.compare.warm_up import tasks
-from rattle.montecarlo import SCHEMES
+from rattle.montecarlo import SCHEMES, simulate_rare
 from rattle.scene import compiled, progress
 
 
