@@ -32,10 +32,11 @@ import llvmlite.binding
 import numba
 import numpy as np
 from filelock import FileLock
+from numba import extending
 from numba.core import event, types
 from numba.core.caching import FunctionCache
 from numba.core.runtime.nrt import rtsys
-from numba.extending import intrinsic, lower_builtin, type_callable
+from numba.extending import intrinsic
 
 from rattle.scene import compile_ahead
 from rattle.scene.progress import compiler, print_on_stderr
@@ -54,9 +55,10 @@ from rattle.scene.sources import (
 TAKEN = ("scene/compiled.py", "scene/types.py", "montecarlo/schemes/step_state.py")
 """Beside the sources that import the compiler, what compiled code takes."""
 COMPILED = b"from rattle.scene." + b"compiled import"  # in two, since this source is not compiled
-CONFIG: Any = numba.config  # these three typed as Any: numba has no type hints
+CONFIG: Any = numba.config  # these four typed as Any: numba has no type hints
 EVENTS: Any = event
 NUMBAS_CACHE: Any = FunctionCache
+NUMBAS_EXTENDING: Any = extending
 
 LONGEST_WAIT = 10.0  # seconds for another process that writes what it has compiled: milliseconds
 GARBAGE = 20_000  # objects between two collections of garbage while a function is compiled
@@ -443,11 +445,11 @@ def _lower_to_attribute(mark: Callable[[], None], attribute: str) -> None:
     """Have compiled code give the function that calls `mark` an attribute; in Python it does
     nothing."""
 
-    @type_callable(mark)
-    def type_mark(_context: Any) -> Callable[[], Any]:
+    @NUMBAS_EXTENDING.type_callable(mark)
+    def type_mark(_context: Any) -> Any:
         return lambda: types.void
 
-    @lower_builtin(mark)
+    @NUMBAS_EXTENDING.lower_builtin(mark)
     def emit(context: Any, builder: Any, _signature: Any, _arguments: Any) -> Any:
         # llvmlite's own `add` knows fewer names
         set.add(builder.function.attributes, attribute)
