@@ -445,15 +445,17 @@ def _lower_to_attribute(mark: Callable[[], None], attribute: str) -> None:
     """Have compiled code give the function that calls `mark` an attribute; in Python it does
     nothing."""
 
-    @NUMBAS_EXTENDING.type_callable(mark)
     def type_mark(_context: Any) -> Any:
         return lambda: types.void
 
-    @NUMBAS_EXTENDING.lower_builtin(mark)
+    NUMBAS_EXTENDING.type_callable(mark)(type_mark)
+
     def emit(context: Any, builder: Any, _signature: Any, _arguments: Any) -> Any:
         # llvmlite's own `add` knows fewer names
         set.add(builder.function.attributes, attribute)
         return context.get_dummy_value()
+
+    NUMBAS_EXTENDING.lower_builtin(mark)(emit)
 
 
 _lower_to_attribute(widest_vectors, '"prefer-vector-width"="512"')
