@@ -90,7 +90,8 @@ class Trace:
     @property
     def wheels(self) -> int:
         """How many gaps, and wheels, it is of."""
-        return self.mean.shape[1] // 2
+        wheels: int = self.mean.shape[1] // 2
+        return wheels
 
     @property
     def work(self) -> int:

@@ -52,7 +52,8 @@ class Pieces(NamedTuple):
 @internal
 def plain_size(c: Constants) -> int:
     """Components of the section state where no flank varies: tau, and x and y of every gap."""
-    return 1 + 2 * c.wheels.size
+    size: int = 1 + 2 * c.wheels.size
+    return size
 
 
 def random_tolerance(scene: Scene) -> Tolerance | None:

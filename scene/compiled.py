@@ -35,7 +35,7 @@ from filelock import FileLock
 from numba.core import event, types
 from numba.core.caching import FunctionCache
 from numba.core.runtime.nrt import rtsys
-from numba.extending import intrinsic
+from numba.extending import intrinsic, lower_builtin, type_callable
 
 from rattle.scene import compile_ahead
 from rattle.scene.progress import compiler, print_on_stderr
@@ -420,45 +420,42 @@ def _fma(_context: Any, a: Any, b: Any, c: Any) -> Any:
     return types.float64(types.float64, types.float64, types.float64), emit
 
 
-@intrinsic
-def _widest_vectors(_context: Any) -> Any:
-    return _mark_function('"prefer-vector-width"="512"')
+fma = cast(Callable[[float, float, float], float], emulate_fma if INTERPRETED else _fma)
+"""``fma(a, b, c)``: ``a * b + c`` rounded once, by an instruction in compiled code; emulated where
+numba is off."""
 
 
-@intrinsic
-def _not_inlined(_context: Any) -> Any:
-    return _mark_function("noinline")
+def widest_vectors() -> None:
+    """Ask the compiler for vectors of 512 bits in the calling function, where the processor has
+    them.
+
+    It prefers 256 otherwise, since some processors lower their clock under wide vectors; the loops
+    over paths win in spite of that.  Numbers do not depend on it.
+    """
 
 
-def _mark_function(attribute: str) -> Any:
-    """What an intrinsic gives that adds an attribute to the function that calls it."""
+def not_inlined() -> None:
+    """Keep the calling function out of its callers: one that runs rarely would be optimised once
+    more within each of them."""
 
+
+def _lower_to_attribute(mark: Callable[[], None], attribute: str) -> None:
+    """Have compiled code give the function that calls `mark` an attribute; in Python it does
+    nothing."""
+
+    @type_callable(mark)
+    def type_mark(_context: Any) -> Callable[[], Any]:
+        return lambda: types.void
+
+    @lower_builtin(mark)
     def emit(context: Any, builder: Any, _signature: Any, _arguments: Any) -> Any:
         # llvmlite's own `add` knows fewer names
         set.add(builder.function.attributes, attribute)
         return context.get_dummy_value()
 
-    return types.void(), emit
 
-
-def _nothing() -> None:
-    """Stands for `widest_vectors` and `not_inlined` where the compiler is off."""
-
-
-fma = cast(Callable[[float, float, float], float], emulate_fma if INTERPRETED else _fma)
-"""``fma(a, b, c)``: ``a * b + c`` rounded once, by an instruction in compiled code; emulated where
-numba is off."""
-
-widest_vectors = cast(Callable[[], None], _nothing if INTERPRETED else _widest_vectors)
-"""Ask the compiler for vectors of 512 bits in the calling function, where the processor has them.
-
-It prefers 256 otherwise, since some processors lower their clock under wide vectors; the loops over
-paths win in spite of that.  Numbers do not depend on it.
-"""
-
-not_inlined = cast(Callable[[], None], _nothing if INTERPRETED else _not_inlined)
-"""Keep the calling function out of its callers: one that runs rarely would be optimised once more
-within each of them."""
+_lower_to_attribute(widest_vectors, '"prefer-vector-width"="512"')
+_lower_to_attribute(not_inlined, "noinline")
 
 
 @inline

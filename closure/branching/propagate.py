@@ -132,7 +132,8 @@ def root(sigma: Floats, plain: int) -> tuple[int, Floats]:
 @internal
 def mark(c: Constants, code: int) -> int:
     """The bit of an impact, ``mesh * side`` or 0 for none, in a mask of impacts."""
-    return 1 << (code + c.wheels.size)
+    bit: int = 1 << (code + c.wheels.size)
+    return bit
 
 
 @internal

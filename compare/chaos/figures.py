@@ -42,7 +42,7 @@ def speed_unit(gears: Gears | None = None) -> tuple[float, str]:
 
 def label_velocity(ax: Axes, mesh: int, unit: str, **style: Any) -> None:
     """Label the axis of the velocity before an impact."""
-    ax.set_ylabel(rf"velocity before the impact $y_{mesh}$ ({unit})", **style)
+    ax.set_ylabel(rf"velocity before the impact $y_{{{mesh}}}$ ({unit})", **style)
 
 
 def draw_cells(

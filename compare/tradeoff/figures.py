@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import NullFormatter
 
-from rattle.compare.report.style import STYLE, SYMBOL, legend_above, new_figure
+from rattle.compare.report.style import OWN_COLORS, STYLE, SYMBOL, legend_above, new_figure
 from rattle.montecarlo.settings import EXACT_SCHEME
 
 SCHEME_STYLES = {
@@ -74,6 +74,11 @@ QUANTITY_STYLES: Any = {
     "y1": {"color": "#0072B2", "marker": "D"},
     "x2": {"color": "#E69F00", "marker": "s"},
     "y2": {"color": "#D55E00", "marker": "D"},
+}
+QUANTITY_STYLES |= {
+    f"{letter}{wheel}": {"color": color, "marker": marker}
+    for wheel, color in enumerate(OWN_COLORS, 3)
+    for letter, marker in (("x", "s"), ("y", "D"))
 }
 MOMENT_NAMES = {"mean": "section means", "sd": "section sds", "itinerary": "itinerary"}
 

@@ -88,7 +88,8 @@ def clockwork(scene: Scene, depth: int) -> Clockwork:
             "a shared Brownian tree is of white noise only, 0",
         )
     h = step_time(scene)
-    return clockwork_at(scene, np.arange(round(2.0 * math.pi / h)) * h, h, depth)
+    times: Floats = np.arange(round(2.0 * math.pi / h)) * h
+    return clockwork_at(scene, times, h, depth)
 
 
 def clockwork_at(scene: Scene, begins: Floats, h: float, depth: int) -> Clockwork:

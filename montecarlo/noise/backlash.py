@@ -53,7 +53,8 @@ def _deviation(key: Key, path: Word, contact: Word, distribution: int) -> float:
 def half_gap(b: Backlash, key: Key, path: Word, contact: Word, mesh: int) -> float:
     """Half gap of a flank by draw number `contact` of a path."""
     deviation = _deviation(key, path, contact, b.distribution)
-    return b.gap[mesh - 1] + b.c_max[mesh - 1] * deviation
+    gap: float = b.gap[mesh - 1] + b.c_max[mesh - 1] * deviation
+    return gap
 
 
 @lean_internal

@@ -61,7 +61,9 @@ def margin_of(c: Constants, phase: Phase, h: float, i: int) -> float:
     stiff = highest_order(c.drive) + max(beta, wheel.beta)
     square = h * h
     # Hermite error: h^4 / 384 times the 4th derivative
-    return spread * share * modulation + square * square / 96.0 * force * (stiff * stiff)
+    bend: float = square * square / 96.0 * force * (stiff * stiff)
+    noise: float = spread * share * modulation
+    return noise + bend
 
 
 @inline
@@ -163,7 +165,7 @@ def noise_free_reach(c: Constants, i: int, speed: float, other: float) -> float:
     noisy = (STEADY * STEADY) * c.sigma * c.sigma * most
     bent = force / STRAIGHT
     square = speed * speed
-    near = NEAR_WALL * wheel.wall
+    near: float = NEAR_WALL * wheel.wall
     if square * abs(speed) < noisy * near or square < bent * near:
         near = min(
             square * abs(speed) / noisy if noisy > 0.0 else near,

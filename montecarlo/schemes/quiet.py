@@ -41,7 +41,7 @@ def quiet_of(scene: Scene, slow: float, resolve: float | None) -> Quiet:
     """Down to which speed a long run follows the motion at closed meshes: `resolve`, 0 for all of
     it, by default a share of `slow`."""
     speed = QUIET_SHARE * slow if resolve is None else non_negative("resolve", resolve)
-    epsilon = max(wheel.epsilon for wheel in scene.tree)
+    epsilon = float(scene.constants.wheels["epsilon"].max())
     if speed == 0.0 or epsilon == 1.0:
         return Quiet()
     relaxed = RELAXATIONS / (1.0 - epsilon)

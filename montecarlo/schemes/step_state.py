@@ -1,6 +1,6 @@
 """State of a path within a step, shared by all schemes."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from rattle.montecarlo.noise.brownian import Noise
 from rattle.montecarlo.noise.philox import Key, Word
@@ -89,7 +89,7 @@ class Inside(NamedTuple):
 
 
 @inline
-def copy_state(to: Floats, s: Floats) -> None:
+def copy_state(to: Any, s: Any) -> None:
     """Copy a state into another one."""
     for i in range(to.size):
         to[i] = s[i]

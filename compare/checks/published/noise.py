@@ -28,14 +28,20 @@ from scipy.stats import truncnorm
 
 from rattle.compare.checks.check import Check, Found, bare
 from rattle.montecarlo import Ensemble, Record, Sampling, simulate
-from rattle.montecarlo.coupling.dyadic import DEEPEST, HIT, Tree, clockwork_of, new_room, walk_step
+from rattle.montecarlo.coupling.dyadic import (
+    DEEPEST,
+    Tree,
+    clockwork_at,
+    grow_tree,
+    new_hits,
+    walk_step,
+)
 from rattle.montecarlo.kernel.block import state_pairs
-from rattle.montecarlo.noise.philox import STEP, Word, key_of, normals
-from rattle.montecarlo.schemes.exact_flight import flight_forcing
+from rattle.montecarlo.noise.philox import STEP, Word, normals
 from rattle.scene import Floats, RattleError, Scene, Start, Tolerance, state_names
 from rattle.scene.compiled import jit
 from rattle.scene.flight import flow, noise_covariance
-from rattle.scene.impact import struck
+from rattle.scene.impact import strike
 
 # half gap; an exit takes about 0.02, in which the modulation of the noise (1 at -pi/2) falls by
 # 3e-4
@@ -201,9 +207,9 @@ def _bounce(tree: Tree, log_speed: Floats) -> int:
     # one hit: it ends the step
     c = tree.c
     w = tree.clock
-    hits = np.empty((1, HIT))
-    state = np.zeros(4)
-    room = new_room(w.depth)
+    wall = c.wheels[0].wall
+    hits = new_hits(c, 1)
+    state = np.zeros(2)
     lost = 0
     for p in range(len(log_speed)):
         n = Word(p) * COUNTERS_APART
@@ -221,19 +227,21 @@ def _bounce(tree: Tree, log_speed: Floats) -> int:
                     / (RESTART_GROWTH * max(y * y, (distance * c.sigma**2) ** (2.0 / 3.0)))
                 )
                 scale -= math.log(s)
-                state[0] = c.wall1 - s**3 * distance
+                state[0] = wall - s**3 * distance
                 state[1] = s * y
                 z0, z1, _, _ = normals(tree.key, n, Word(ROW), Word(STEP))
-                met, _ = walk_step(tree, room, n, ROW, (z0, z1), state, hits)
+                met, _ = walk_step(tree, n, ROW, (z0, z1), state, hits)
                 n += Word(1)
                 if met > 0:
                     break
-                distance = c.wall1 - state[0]
+                distance = wall - state[0]
                 y = state[1]
             if met == 0 or hits[0, 1] != 1.0:
                 lost += 1
                 continue
-            y = -struck(c, 1, hits[0, 3], 0.0)[0]
+            after = hits[0, 2:]
+            strike(c, 1, after)
+            y = -after[1]
             log_speed[p, bounce] = scale + math.log(y)
     return lost
 
@@ -246,10 +254,10 @@ def log_speeds(epsilon: float, paths: int, bounces: int, seed: int) -> Floats:
     start = Start(0.0, 0.0, -1.0)
     scene = bare(epsilon=epsilon, gap1=EXIT_HALF_GAP, sigma=1.0, start=start)
     # of the single step, at the phase 3 pi / 2
-    whole = flight_forcing(scene.constants, ROW * STEP_TIME, STEP_TIME)
-    clock = clockwork_of([whole] * (ROW + 1), STEP_TIME, DEEPEST)
+    clock = clockwork_at(scene, np.array([ROW * STEP_TIME]), STEP_TIME, DEEPEST)
+    clock = clock._replace(forcing=np.repeat(clock.forcing, ROW + 1, axis=0))
     out = np.empty((paths, bounces))
-    lost = _bounce(Tree(scene.constants, clock, key_of(np.random.SeedSequence([seed, 2]))), out)
+    lost = _bounce(grow_tree(scene.constants, clock, np.random.SeedSequence([seed, 2])), out)
     if lost:
         raise RattleError(
             f"{lost} of {out.size} flights did not return in {MOST_FLIGHT_STEPS} steps,"
