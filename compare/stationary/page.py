@@ -103,7 +103,7 @@ def tabulate_meshes(found: Stationary, table: pd.DataFrame) -> Table:
     meshes = range(1, found.scene.stages + 1)
     rows = []
     for name, words in BY_MESH.items():
-        by_mesh = found.scene.stages == 2 or name.endswith("_share")
+        by_mesh = found.scene.stages > 1 or name.endswith("_share")
         names = [f"{name}_mesh{mesh}" if by_mesh else name for mesh in meshes]
         cells = [show_quantity(shown, name) if name in shown.index else NO_VALUE for name in names]
         rows.append([words.format(time), *cells])

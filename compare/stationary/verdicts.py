@@ -4,7 +4,7 @@ A law is a mixture of normal distributions over impacts.
 """
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -17,6 +17,7 @@ from rattle.compare.report.texts import read_texts
 from rattle.montecarlo.long_run.estimates import QUANTILES, all_names, groups
 from rattle.montecarlo.statistics.intervals import half_width, widest
 from rattle.scene import Floats, Scene, choice
+from rattle.scene.impact import energy_loss
 from rattle.scene.long_orbit import Attractor, attractor
 
 CLOSURES_JUDGED = {
@@ -201,10 +202,10 @@ def law_of(a: Attractor) -> Law:
     back = np.empty(n)
     turn = 2.0 * math.pi * a.periods
     mesh = a.mesh[1:]
-    for struck in (1, 2):
+    for struck in np.unique(mesh):
         tau = a.tau[1:][mesh == struck]
         back[mesh == struck] = (tau - np.roll(tau, 1)) % turn if tau.size > 1 else turn
-    speed = np.abs(np.where(mesh == 1, a.before[1:, 1], a.before[1:, 3]))
+    speed = np.abs(a.before[1 + np.arange(n), 2 * mesh - 1])
     return Law(n / turn, np.full(n, 1.0 / n), mesh, speed, zero, np.diff(a.tau), zero, back, zero)
 
 
@@ -270,12 +271,14 @@ def _describe(
 
 
 def values_of(
-    law: Law, scene: Scene, slow: float, contact: tuple[float, float] = (0.0, 0.0)
+    law: Law, scene: Scene, slow: float, contact: Sequence[float] = ()
 ) -> dict[str, float]:
     """All quantities of `rattle.montecarlo.long_run.estimates.estimates` by a stationary law."""
     out = dict.fromkeys(all_names(scene.stages), math.nan)
-    lost = 0.5 * (1.0 - scene.epsilon**2) * np.where(law.mesh == 1, 1.0, scene.mu)
-    lost = lost * (law.speed**2 + law.sd_speed**2)
+    meshes = range(1, scene.stages + 1)
+    at_speed_1 = np.array([energy_loss(scene.constants, mesh, 1.0) for mesh in meshes])
+    lost = at_speed_1[law.mesh - 1] * (law.speed**2 + law.sd_speed**2)
+    shares = contact if len(contact) else np.zeros(scene.stages)
     for g, suffix in groups(scene.stages):
         part = (law.mesh == g) | (g == 0)
         share = float(law.weight[part].sum())
@@ -299,6 +302,4 @@ def values_of(
         values |= _describe("flight", weight, flight[part], sd_flight[part])
         values |= _describe("speed", *speed) | _describe("speed_above", *speed, above=slow)
         out |= {name + suffix: value for name, value in values.items() if name + suffix in out}
-    return out | {
-        f"contact_share_mesh{mesh}": contact[mesh - 1] for mesh in range(1, scene.stages + 1)
-    }
+    return out | {f"contact_share_mesh{mesh}": shares[mesh - 1] for mesh in meshes}
