@@ -22,7 +22,7 @@ from rattle.compare.cli.shared import (
     say_part,
 )
 from rattle.compare.report.folder import check_own, check_place, write_whole
-from rattle.scene import InputError, Scene, positive
+from rattle.scene import InputError, Scene, positive, section_names, state_names
 from rattle.scene.progress import do
 from rattle.scene.units import UNITS, check_units, in_units
 
@@ -172,7 +172,7 @@ def _say_run(run: "Ensemble", units: str, workers: int) -> None:
     from rattle.compare.report.render import render_lines
 
     say(section_table(run, units), keep="\n")
-    moments = 2 * (2 + 2 * run.scene.stages) * len(run.columns["mesh"])
+    moments = 2 * len(section_names(run.scene.stages)) * len(run.columns["mesh"])
     say_lines(
         render_lines("cli/simulated.j2", run=run, workers=workers, moments=moments, most=MOST_NAMED)
     )
@@ -181,11 +181,6 @@ def _say_run(run: "Ensemble", units: str, workers: int) -> None:
 COLUMN_FORMATS = {"se_": ".2g", "bias_": ".2g", "sd_": ".4g"}
 """How columns are printed whose names begin so: errors may be far smaller than what they belong to.
 """
-COLUMNS_SHOWN = (
-    *("tau", "se_tau", "bias_tau", "sd_tau"),
-    *(f"{error}{name}" for name in ("y1", "y2") for error in ("", "se_", "bias_", "sd_")),
-    *("mesh", "side", "agreement"),
-)
 
 
 def section_table(run: "Ensemble", units: str) -> str:
@@ -202,7 +197,9 @@ def section_table(run: "Ensemble", units: str) -> str:
     physical = gears.units if gears is not None and units == "physical" else None
     stars = {(f"{'sd_' if row.moment == 'sd' else ''}{row.quantity}", row.impact) for row in missed}
     texts = [["impact", *map(str, range(1, len(columns["mesh"]) + 1))]]
-    for column in COLUMNS_SHOWN:
+    quantities = ["tau", *state_names(run.scene.stages)[1::2]]
+    moments = [start + name for name in quantities for start in ("", "se_", "bias_", "sd_")]
+    for column in (*moments, "mesh", "side", "agreement"):
         name = physical.name_of(column) if physical else column
         values = columns[name].tolist() if name in columns else []
         if all(math.isnan(value) for value in values):

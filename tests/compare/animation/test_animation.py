@@ -13,9 +13,15 @@ from matplotlib.path import Path as Polygon
 
 from rattle import DAT21, InputError, Record, Scene, Start, Tolerance, animate, follow, simulate
 from rattle.compare.animation import record
-from rattle.compare.animation.page import PLAY, TOOTH, DrawnWheel, outline
+from rattle.compare.animation.page import (
+    PLAY,
+    TOOTH,
+    DrawnWheel,
+    outline,
+    place_toothings,
+)
 from rattle.montecarlo import default_step
-from rattle.scene import OutputError
+from rattle.scene import OutputError, Wheel
 
 ROOT = Path(__file__).parents[3]
 GEARS = Scene.from_gears(DAT21, sigma=0.1)
@@ -238,3 +244,23 @@ def test_the_documentation_shows_the_animation_of_today():
     assert len(page.encode()) < MOST_BYTES
     for part in ("animation.css", "animation.js"):
         assert (ROOT / "compare" / "animation" / "templates" / part).read_text() in page
+
+
+def test_a_tree_is_laid_out_mesh_by_mesh():
+    """Every wheel stands right of its parent's toothing, with its play between their teeth; no two
+    toothings share a place."""
+    box = Scene.load(ROOT / "examples" / "gearbox5.toml")
+    chain = [Wheel(beta=0.1, gamma=0.3, parent=i) for i in (0, 1, 2, 3, 1, 0)]
+    for scene in (box, Scene(alpha=2.0, epsilon=0.8, sigma=0.1, wheels=chain), GEARS):
+        plays = [0.1 + 0.02 * i for i in range(scene.stages)]
+        drawn = place_toothings(scene, plays)
+        places = {(one.row, one.depth): one for one in drawn}
+        assert len(places) == len(drawn)
+        own = [one for one in drawn if one.is_own]
+        assert sorted(one.body for one in own) == list(range(1, scene.stages + 1))
+        for one in own:
+            wheel = scene.tree[one.body - 1]
+            parent = places[one.row, one.depth - 1]
+            assert (parent.body, parent.ratio) == (wheel.parent, wheel.ratio)
+            assert parent.width + one.width == pytest.approx(1.0 - plays[one.body - 1])
+            assert parent.factor * one.factor < 0.0
