@@ -88,7 +88,7 @@ def clockwork(scene: Scene, depth: int) -> Clockwork:
             "a shared Brownian tree is of white noise only, 0",
         )
     h = step_time(scene)
-    times = np.asarray(np.arange(round(2.0 * math.pi / h)) * h, np.float64)
+    times = np.array([n * h for n in range(round(2.0 * math.pi / h))])
     return clockwork_at(scene, times, h, depth)
 
 

