@@ -12,6 +12,7 @@ from rattle.compare.parameters.boundary import Boundary
 from rattle.compare.parameters.sensitivity import Sensitivity
 from rattle.compare.report.finding import Finding
 from rattle.compare.report.render import render_sentences
+from rattle.compare.report.texts import wheel_label
 from rattle.compare.stationary.page import show_quantity
 from rattle.compare.stationary.result import Stationary, speed_text
 from rattle.compare.study.parameters import PERCENT, find_parameters
@@ -117,6 +118,7 @@ class Assessment(Finding):
             opened=[t for t in self.thresholds if t.opens],
             table=table.to_dict("index"),
             meshes=range(1, self.scene.stages + 1),
+            label=partial(wheel_label, self.scene),
             show=partial(show_quantity, table),
             slow=speed_text(self.motion.slow, self.scene.gears, self.units) if self.motion else "",
             levers=self._name_levers(),
