@@ -61,8 +61,8 @@ def kind_of(quantity: str) -> str:
 def unit_of(quantity: str, gears: Gears | None, units: str) -> tuple[str, float]:
     """The unit of a quantity, and its factor; empty and 1 for one without a unit.
 
-    The energy is that of the wheels at a mesh in relative motion.  Its unit is the mass of wheel 1
-    at its rim, ``I1 / R1^2``, times the square of ``backlash1 omega``; between two loose wheels
+    The energy is that of the wheels at the mesh in relative motion.  Its unit is the mass of wheel
+    1 at its rim, ``I1 / R1^2``, times the square of ``backlash1 omega``; between two loose wheels
     their reduced mass counts.
     """
     kind = kind_of(quantity)
