@@ -18,7 +18,7 @@ from markupsafe import Markup
 
 from rattle.compare.animation.record import ANIMATED_SCHEME, PERIOD, Motion, Recording
 from rattle.compare.report.folder import check_own, check_place, refusals, write_whole
-from rattle.compare.report.json_text import json_text
+from rattle.compare.report.json_text import Facts, json_text
 from rattle.compare.report.render import render_animation
 from rattle.scene import Floats, OutputError, line
 from rattle.scene.drive import driver_motion
@@ -148,7 +148,7 @@ def _ticks(begin: float, span: float) -> Iterator[tuple[float, str]]:
         yield round(100.0 * (k * step - begin) / span, 3), f"{k * step:.10g}".replace("-", "−")
 
 
-def _strip(shown: Recording, mesh: int, gap: float) -> dict[str, Any]:
+def _strip(shown: Recording, mesh: int, gap: float) -> Facts:
     """The displacement at a mesh over time, for the template.
 
     Returns: ``mesh``, ``ticks`` (height of a tick from the top in percent, and its label),

@@ -1,10 +1,9 @@
 """The page of an assessment."""
 
-from typing import Any
-
 import pandas as pd
 
 from rattle.compare.assess.assessment import Assessment
+from rattle.compare.report.json_text import Facts
 from rattle.compare.report.report import Report
 from rattle.compare.report.texts import VERDICT_TERMS, glossary
 from rattle.compare.stationary.page import tabulate_meshes
@@ -13,11 +12,11 @@ from rattle.compare.study.parameters import PERCENT
 ASSESS_WORDS = ("`saltation`", "`branching`", *VERDICT_TERMS, "simulation", "σ", "ε", "E, sd")
 
 
-def make_report(found: Assessment, record: dict[str, Any]) -> Report:
+def make_report(found: Assessment, record: Facts) -> Report:
     """The report on an assessment."""
     gears = found.scene.gears
     tables = {"thresholds": pd.DataFrame([t._asdict() for t in found.thresholds])}
-    content: dict[str, Any] = {"found": found, "change": PERCENT}
+    content: Facts = {"found": found, "change": PERCENT}
     if found.motion is not None and found.rattles:
         tables["motion"] = found.table.reset_index()
         content["by_mesh"] = tabulate_meshes(found.motion, found.table)

@@ -14,6 +14,9 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
+from rattle.compare.report.json_text import Facts
+from rattle.compare.report.render import render_sentences
+from rattle.compare.report.table import align_columns
 from rattle.montecarlo.statistics.intervals import widest
 from rattle.scene import Scene, choice, count
 from rattle.scene.progress import ProgressBar
@@ -58,7 +61,7 @@ class Check(NamedTuple):
         """Whether the error is admissible; false for NaN."""
         return self.z <= allowed and math.isfinite(self.found)
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> Facts:
         """The check as plain data."""
         return self._asdict() | {"z": self.z}
 
@@ -108,23 +111,22 @@ class Result(NamedTuple):
         """Whether all checks hold and every negative control is rejected."""
         return self.worst.holds(self.allowed) and all(self.rejections.values())
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> Facts:
         """The subject, its worst check and the verdict as plain data, with all ``checks`` and
         ``controls``."""
         about = self.subject
-        record = {"name": about.name, "reference": about.reference, "statement": about.statement}
-        return (
-            record
-            | self.worst.to_dict()
-            | {
-                "unit": about.unit,
-                "allowed": self.allowed,
-                "holds": self.holds,
-                "checks": [check.to_dict() for check in self.checks],
-                "controls": [{"error": e, "rejected": r} for e, r in self.rejections.items()],
-                "seconds": self.seconds,
-            }
-        )
+        return {
+            "name": about.name,
+            "reference": about.reference,
+            "statement": about.statement,
+            **self.worst.to_dict(),
+            "unit": about.unit,
+            "allowed": self.allowed,
+            "holds": self.holds,
+            "checks": [check.to_dict() for check in self.checks],
+            "controls": [{"error": e, "rejected": r} for e, r in self.rejections.items()],
+            "seconds": self.seconds,
+        }
 
 
 def run_checks(
@@ -174,31 +176,22 @@ def result_lines(results: Sequence[Result], *, all_checks: bool = False) -> list
     `all_checks`: Whether to list every check and every negative control below the table, not only
     failures.
     """
-    rows = [HEAD, *map(_result_row, results)]
-    width = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    head, *lines = (
-        "  ".join(f"{c:{a}{w}}" for c, a, w in zip(row, ALIGNMENT, width, strict=True)).rstrip()
-        for row in rows
-    )
+    head, *lines = align_columns([HEAD, *map(_result_row, results)], ALIGNMENT)
     out = [head, "-" * max(map(len, [head, *lines])), *lines]
     for result in results:
         out += _details(result, all_checks)
     checks = [check for result in results for check in result.checks]
-    statistical = sum(check.se > 0.0 for check in checks)
     rejections = [rejected for result in results for rejected in result.rejections.values()]
-    bound = (
-        f", each allowed {results[0].allowed:.2f} standard errors"
-        f" (false alarm {MOST_FALSE_ALARMS:g} over all)"
-        if statistical
-        else ""
+    summary = render_sentences(
+        "checks/summary.j2",
+        results=results,
+        allowed=results[0].allowed,
+        false_alarms=MOST_FALSE_ALARMS,
+        checks=len(checks),
+        statistical=sum(check.se > 0.0 for check in checks),
+        rejections=rejections,
     )
-    summary = (
-        f"{sum(result.holds for result in results)} of {len(results)} results hold; {len(checks)}"
-        f" checks, {statistical} of them statistical{bound}; {sum(rejections)}"
-        f" of {len(rejections)} negative controls rejected;"
-        f" {sum(result.seconds for result in results):.0f} s."
-    )
-    return [*out, summary]
+    return [*out, *summary]
 
 
 def _verdict(holds: bool) -> str:
@@ -244,7 +237,7 @@ def _details(result: Result, everything: bool) -> list[str]:
     return ["", f"{about.name} ({about.reference}): {about.statement}", *out] if out else []
 
 
-def results_record(results: Sequence[Result], seed: int) -> dict[str, Any]:
+def results_record(results: Sequence[Result], seed: int) -> Facts:
     """Results as plain data."""
     return {
         "holds": all(result.holds for result in results),

@@ -34,7 +34,7 @@ def assess(base: Scene, begin: Begin, seed: int, **settings: Any) -> None:
     results = begin()
     told: list[str] = []
     for found in rounds:
-        results.write(found, scene=base.to_dict(), **settings, seed=seed)
+        results.write(found, **settings, seed=seed)
         results.overwrite = True  # from now on the page is this command's own
         refines = not told and settings["budget"] >= REFINED_FROM and not results.as_json
         if refines:

@@ -102,10 +102,7 @@ def stability(
     out: Path,
     extreme: bool,
     overwrite: bool,
-    points: int,
-    paths: int,
-    seed: int,
-    workers: int,
+    **counts: int,
 ) -> None:
     """Measure where each scheme is stable and unbiased.
 
@@ -121,27 +118,14 @@ def stability(
 
     chosen = list(dict.fromkeys(schemes or shared.SCHEME_NAMES))
     along = list(dict.fromkeys(axes or shared.AXIS_NAMES))
-    count("points", points, most=7)
-    count("paths", paths, least=1000)
-    count("seed", seed, least=0)
-    count("workers", workers)
+    count("points", counts["points"], most=7)
+    shared.check_counts(counts, paths=1000, seed=0, workers=1)
+    counts = shared.pick(counts, "points", "paths", "seed", "workers")
     results = Results("", out, "stability", "checks.stability.page", overwrite)
-    found = chart(
-        chosen, along, points=points, paths=paths, seed=seed, workers=workers, folder=results.cells
-    )
+    found = chart(chosen, along, **counts, folder=results.cells)
     tried = run_checks(EXTREMES) if extreme else ()
-    answer = results.write(
-        found,
-        tried,
-        scene=moderate().to_dict(),
-        schemes=chosen,
-        axes=along,
-        points=points,
-        paths=paths,
-        seed=seed,
-        workers=workers,
-    )
-    results.say(answer)
+    asked = {"schemes": chosen, "axes": along, **counts}
+    results.say(results.write(found, tried, scene=moderate().to_dict(), **asked))
     if len(found.without_diagnostic) or not all(row.holds for row in tried):
         sys.exit(EXIT_BROKEN)
 
@@ -168,11 +152,9 @@ def speed(as_json: bool) -> None:
     say(table.rename(columns=names).to_string(float_format="{:.2f}".format, na_rep=""), keep="\n")
     say(
         "Processor time of one core, the least of several turns; ratios are medians. Floor: one"
-        " normal and the"
-    )
-    say(
-        "arithmetic of one step. Times as fast: as a path-step of the skilled loop, or as a normal"
-        " by standard_normal."
+        " normal and the\narithmetic of one step. Times as fast: as a path-step of the skilled"
+        " loop, or as a normal by standard_normal.",
+        keep="\n",
     )
 
 
@@ -235,15 +217,7 @@ def order(
 @shared.SEED_AND_WORKERS
 @shared.folder_options(Path("reports/claims"))
 def claims(
-    sigmas: tuple[float, ...],
-    over: Range,
-    paths: int,
-    points: int,
-    impacts: int,
-    seed: int,
-    workers: int,
-    out: Path,
-    overwrite: bool,
+    sigmas: tuple[float, ...], over: Range, out: Path, overwrite: bool, **counts: int
 ) -> None:
     """Judge each claim of the paper on its own example, DAT21.
 
@@ -261,28 +235,17 @@ def claims(
     levels = sigmas or (0.01, 0.1)
     for sigma in levels:
         positive("sigma", sigma)
-    count("paths", paths, least=1000)
-    count("points", points, least=100)
-    count("impacts", impacts, least=20_000)
-    count("workers", workers)
+    shared.check_counts(counts, paths=1000, points=100, impacts=20_000, workers=1)
+    counts = shared.pick(counts, "impacts", "paths", "points", "seed", "workers")
+    paths = counts["paths"]
     results = Results("DAT21", out, "claims", "checks.claims.page", overwrite)
     minutes = (BASE + PER_VALUE * len(at) + PER_PATH * paths * (len(levels) + 1)) / 60.0
     say(f"About {minutes:.1g} minutes of processor time, and what has to be compiled.", err=True)
-    effort = Effort(points, impacts, seed=seed, workers=workers)
+    effort = Effort(**shared.pick(counts, "points", "impacts", "seed", "workers"))
     evidence = gather(scene, levels, at, paths, effort, say_part, results.cells)
     judged = judge(evidence)
-    answer = results.write(
-        judged,
-        evidence.chaos,
-        scene=evidence.scene.to_dict(),
-        sigmas=list(levels),
-        over=list(at),
-        impacts=impacts,
-        paths=paths,
-        points=points,
-        seed=seed,
-        workers=workers,
-    )
+    asked = {"sigmas": list(levels), "over": list(at), **counts}
+    answer = results.write(judged, evidence.chaos, scene=evidence.scene.to_dict(), **asked)
     verdicts = [f"{k:2d}. {claim.name}: {claim.verdict}" for k, claim in enumerate(judged, start=1)]
     results.say([*answer, *verdicts])
 

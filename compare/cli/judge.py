@@ -74,7 +74,6 @@ def judge(
     limits = Tolerances(**tolerances)
     asked: dict[str, Any] = {"level": level, "tolerances": limits, "groups": groups}
     found = judge_samples(tables, samples, coarser=coarser, names=quantities or None, **asked)
-    sentences = results.write(found, predicted=str(predicted), samples=str(samples))
-    results.say(sentences, found.to_dict)
+    results.conclude(found, predicted=str(predicted), samples=str(samples))
     if require and not found.accurate:
         sys.exit(EXIT_NOT_MET)

@@ -108,8 +108,7 @@ def boundary(
         search = partial(rt.boundary if quantity is None else rt.crossing, progress="boundary")
     with shared.estimates_shown():
         found = search(base, **settings, folder=results.cells, rng=seed, workers=workers)
-    results.write(found, scene=base.to_dict(), **settings, seed=seed)
-    results.say(found.answer, found.to_dict)
+    results.conclude(found, **settings, seed=seed)
 
 
 @click.command()
@@ -166,7 +165,6 @@ def sensitivity(
     find = partial(find, parameters=parameters or None, progress="sensitivity")
     with shared.estimates_shown():
         found = find(base, **settings, rng=seed, workers=workers)
-    results.write(found, scene=base.to_dict(), **settings, seed=seed)
-    results.say(found.answer, found.to_dict)
+    results.conclude(found, **settings, seed=seed)
     if closure is None and accuracy is not None and not found.reached:
         raise click.exceptions.Exit(EXIT_NOT_MET)

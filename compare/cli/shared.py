@@ -15,7 +15,7 @@ import click
 from rattle.compare.cli.ranges import RangeType
 from rattle.compare.report.folder import check_free, default_place, name_of, report_files
 from rattle.compare.report.interrupt import stored
-from rattle.compare.report.json_text import json_text
+from rattle.compare.report.json_text import Facts, json_text
 from rattle.scene import DAT21, Scene, choice, compile_ahead, count, harmless
 from rattle.scene.progress import ESTIMATES, apart_from_bars, do, print_on_stderr
 
@@ -228,8 +228,13 @@ def report(default: str, module: str, *more: Option, otherwise: float = PAPER_SI
         def run(scene: Path | None, sigma: float | None, **asked: Any) -> None:
             written = {name: asked.pop(name) for name in WRITTEN if name in asked}
             page = default.removeprefix("reports/NAME-")
-            begin = partial(Results, name_scene(scene), page=page, module=module, **written)
-            command(load_scene(scene, sigma, otherwise), begin, **asked)
+            base = load_scene(scene, sigma, otherwise)
+            name = name_scene(scene)
+            command(
+                base,
+                partial(Results, name, page=page, module=module, scene=base, **written),
+                **asked,
+            )
 
         return folder_options(default, *more)(run)
 
@@ -261,11 +266,14 @@ class Results:
         module: str,
         overwrite: bool,
         as_json: bool = False,
+        scene: Scene | None = None,
     ) -> None:
         from rattle.compare.engine.run import check_cells
         from rattle.compare.report.provenance import Stopwatch
 
-        self.about = {"name": name} if name else {}
+        self.about: Facts = {"name": name} if name else {}
+        if scene:
+            self.about["scene"] = scene.to_dict()
         self.overwrite = overwrite
         self.as_json = as_json
         self.writes = out is not None or not as_json
@@ -297,6 +305,11 @@ class Results:
         stored.append(lambda: f"the page is written: {self.out}")
         return report.answer
 
+    def conclude(self, found: Any, **settings: Any) -> None:
+        """Write the folder, and print the answer."""
+        self.write(found, **settings)
+        self.say(found.answer, found.to_dict)
+
     def _describe_stored(self) -> str:
         """What an interrupt leaves."""
         cells = self.cells
@@ -305,7 +318,7 @@ class Results:
             return "nothing was written"
         return f"{number} results stored in {cells}; run the same command again to continue"
 
-    def say(self, sentences: Iterable[str], data: Callable[[], dict[str, Any]] = dict) -> None:
+    def say(self, sentences: Iterable[str], data: Callable[[], Facts] = dict) -> None:
         """Print the answer and the place of the page, or the data as JSON."""
         if self.as_json:
             say_json(data() | {"report": self.out if self.writes else None})
@@ -361,7 +374,7 @@ def estimates_shown() -> Iterator[None]:
         ESTIMATES.setLevel(level)
 
 
-def pick(settings: Mapping[str, Any], *names: str) -> dict[str, Any]:
+def pick(settings: Mapping[str, Any], *names: str) -> Facts:
     """Some of the settings."""
     return {name: settings[name] for name in names}
 

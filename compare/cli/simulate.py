@@ -169,21 +169,13 @@ def _say_as_json(run: "Ensemble", units: str, transient: str) -> None:
 def _say_run(run: "Ensemble", units: str, workers: int) -> None:
     """Print the section table, what was simulated, and the means and sds that miss the accuracy,
     the worst by name."""
-    reach = run.reach
+    from rattle.compare.report.render import render_lines
+
     say(section_table(run, units), keep="\n")
-    took = f"{run.wall_seconds:.1f} s on {workers} threads"
-    say(f"{run.paths:,} paths, {run.scheme}, dt = {run.dt:.4g}, {took}")
-    if reach and reach.reached:  # else it is among the diagnostics
-        say(reach.sentence)
-    say_lines(run.diagnostics)
-    if not reach or not reach.missed:
-        return
-    missed = reach.missed
-    rows = 2 * (2 + 2 * run.scene.stages) * len(run.columns["mesh"])
-    say(f"{len(missed)} of {rows} means and sds miss {reach.asked:g} sd (* in the table):")
-    say_lines(f"  {row.sentence}" for row in missed[:MOST_NAMED])
-    if len(missed) > MOST_NAMED:
-        say(f"  and {len(missed) - MOST_NAMED} more")
+    moments = 2 * (2 + 2 * run.scene.stages) * len(run.columns["mesh"])
+    say_lines(
+        render_lines("cli/simulated.j2", run=run, workers=workers, moments=moments, most=MOST_NAMED)
+    )
 
 
 COLUMN_FORMATS = {"se_": ".2g", "bias_": ".2g", "sd_": ".4g"}
@@ -202,6 +194,8 @@ def section_table(run: "Ensemble", units: str) -> str:
 
     It is laid out here, for pandas would take as long to load as sampling.
     """
+    from rattle.compare.report.table import align_columns
+
     gears = run.scene.gears
     missed = run.reach.missed if run.reach else ()
     columns = in_units(run.columns, gears, units)
@@ -220,8 +214,7 @@ def section_table(run: "Ensemble", units: str) -> str:
         ]
         starred = [cell + "*" * ((column, k) in stars) for k, cell in enumerate(cells, start=1)]
         texts.append([name, *starred])
-    widths = [max(map(len, text)) for text in texts]
-    return "\n".join("  ".join(map(str.rjust, row, widths)) for row in zip(*texts, strict=True))
+    return "\n".join(align_columns(list(zip(*texts, strict=True)), ">" * len(texts)))
 
 
 @click.command()
@@ -291,7 +284,7 @@ def stationary(
     with shared.estimates_shown():
         found = rt.stationary(base, **settings, rng=seed, workers=workers, progress="stationary")
     settings |= {"seed": seed, "field": field, "over": list(at)}
-    answer = results.write(found, view, scene=base.to_dict(), **settings)
+    answer = results.write(found, view, **settings)
     results.say(answer, lambda: found.to_dict(units or "dimensionless"))
     if found.run and not found.run.reached:
         raise click.exceptions.Exit(EXIT_NOT_MET)
@@ -338,8 +331,7 @@ def run_up(
             workers=workers,
             progress="run-up",
         )
-    results.write(found, scene=base.to_dict(), **settings, seed=seed, rpm=list(speeds), down=down)
-    results.say(found.answer, found.to_dict)
+    results.conclude(found, **settings, seed=seed, rpm=list(speeds), down=down)
 
 
 @click.command()
@@ -390,5 +382,4 @@ def chaos(
     found = study(base, scenes, field, effort, say_part, results.cells)
     said = "the scene's" if noise is None else "sqrt(alpha)"
     swept = {"field": field, "over": list(at), "noise": said}
-    answer = results.write(found, scene=base.to_dict(), **settings, **swept)
-    results.say(answer)
+    results.say(results.write(found, **settings, **swept))

@@ -13,6 +13,7 @@ from rattle.compare.cli import shared
 from rattle.compare.cli.shared import say, say_json, say_lines
 from rattle.compare.report.folder import ANY_TEXT, sweep, write_whole
 from rattle.compare.report.interrupt import stored
+from rattle.compare.report.json_text import Facts
 from rattle.scene import InputError, OutputError, RattleError, count, line
 
 LOOKED_AT = 200  # points of a grid from which --explain estimates the cost of all
@@ -65,26 +66,21 @@ def study(
     _ = wanted.points  # finds what cannot be computed before any file is written
     if status:
         todo = seen.missing(wanted.cells)
-        say(
-            f"{line(wanted.title)}: {len(wanted.cells) - len(todo)} of {len(wanted.cells)} results"
-            " stored."
-        )
-        say_lines(
-            f"  missing: {number} {group}"
-            for group, number in Counter(cell.group for cell in todo).items()
-        )
-        say_lines(f"  {line(str(failure))}" for failure in group_failures(wanted.points, {}))
+        have = len(wanted.cells) - len(todo)
+        say(f"{line(wanted.title)}: {have} of {len(wanted.cells)} results stored.")
+        for group, number in Counter(cell.group for cell in todo).items():
+            say(f"  missing: {number} {group}")
+        for failure in group_failures(wanted.points, {}):
+            say(f"  {line(str(failure))}")
         return
     check_folder(wanted, folder, overwrite)
 
     def describe() -> str:
         """What is stored after an interruption."""
-        have = len(wanted.cells) - len(seen.missing(wanted.cells))
-        page = ", but their page is not written" if have == len(wanted.cells) else ""
-        return (
-            f"{have} of {len(wanted.cells)} results stored{page}; run the same command again to"
-            " continue"
-        )
+        number = len(wanted.cells)
+        have = number - len(seen.missing(wanted.cells))
+        page = ", but their page is not written" if have == number else ""
+        return f"{have} of {number} results stored{page}; run the same command again to continue"
 
     stored.append(describe)
     record = _read_finished(wanted, seen, folder) or _compute(
@@ -106,7 +102,7 @@ def study(
 
 def _compute(
     wanted: "rt.Study", seen: Any, folder: Path, workers: int, scheduler: str | None
-) -> dict[str, Any]:
+) -> Facts:
     """Run the study and write its page; returns the record of the page, or only the answer if it
     cannot be written."""
     from rattle.compare.engine.cluster import Cluster
@@ -146,7 +142,7 @@ def _compute(
     return record
 
 
-def _read_finished(wanted: "rt.Study", seen: Any, folder: Path) -> dict[str, Any] | None:
+def _read_finished(wanted: "rt.Study", seen: Any, folder: Path) -> Facts | None:
     """The record of a study whose cells and page are complete; None if something is to be computed
     or written."""
     from rattle.compare.study.folder import FILE, SCRATCH_PART, is_current, is_current_file
@@ -164,6 +160,7 @@ def _read_finished(wanted: "rt.Study", seen: Any, folder: Path) -> dict[str, Any
 
 def _explain(wanted: "rt.Study", seen: Any, workers: int) -> str:
     """What is to be computed, and its expected cost, in lines."""
+    from rattle.compare.report.render import render_lines
     from rattle.compare.study.cells import Prediction
     from rattle.compare.study.estimate import estimate, expect_work, scaling
     from rattle.compare.study.folder import group_failures
@@ -179,27 +176,22 @@ def _explain(wanted: "rt.Study", seen: Any, workers: int) -> str:
 
     todo = seen.missing(cells)
     work_of_each = expect_work(todo)
-    work = estimate(todo, work_of_each, workers, times)
-    number, left = (f"{'about ' * sampled}{sum(map(times, some)):.0f}" for some in (cells, todo))
-    lines = [f"{line(wanted.title)}: {wanted.size} points, {number} cells, {left} to compute."]
-    if sampled:
-        lines.append(
-            f"  estimated from {len(points)} points, chosen at random; --status counts all"
-        )
-    for axis in wanted.axes:
-        for name, values in zip(axis.names, zip(*axis.values, strict=True), strict=True):
-            ends = f"{line(str(values[0]))} to {line(str(values[-1]))}"
-            others = ", ".join(other for other in axis.names if other != name)
-            beside = f" (with {others})" if others else ""
-            lines.append(f"  {name}: {len(values)} values, {ends}{beside}")
-    lines += [f"  {line(str(failure))}" for failure in group_failures(points, {})]
-    lines.append(
-        f"About {work.core_seconds:.0f} core-seconds of counted work at nominal costs"
-        f" ({work.path_steps:.2g} path-steps; `branching` with all its components),"
-        f" {work.megabytes:.0f} MB on {workers} threads. Compiling, the first time, takes about a"
-        " minute besides."
+    columns = [
+        (name, values, [other for other in axis.names if other != name])
+        for axis in wanted.axes
+        for name, values in zip(axis.names, zip(*axis.values, strict=True), strict=True)
+    ]
+    lines = render_lines(
+        "cli/explain.j2",
+        study=wanted,
+        points=len(points) if sampled else 0,
+        cells=sum(map(times, cells)),
+        left=sum(map(times, todo)),
+        columns=columns,
+        failures=group_failures(points, {}),
+        work=estimate(todo, work_of_each, workers, times),
+        workers=workers,
     )
-    lines.append("Expected time on more cores (Dask):")
     seconds = {key: expected.core_seconds for key, expected in work_of_each.items()}
-    lines.append(scaling(todo, seconds, times).to_string(index=False, float_format="{:.3g}".format))
-    return "\n".join(lines)
+    table = scaling(todo, seconds, times).to_string(index=False, float_format="{:.3g}".format)
+    return "\n".join([*lines, table])

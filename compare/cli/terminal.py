@@ -2,7 +2,6 @@
 
 import textwrap
 from collections.abc import Iterator, Sequence
-from itertools import zip_longest
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -165,32 +164,33 @@ def _extent(table: Table, column: int) -> tuple[int, int]:
 
 
 def _panel(table: Table, columns: Sequence[int], widths: Sequence[int]) -> Iterator[str]:
-    """The lines of some columns of a table: heads, which stand on the lowest of their lines, a
-    rule, and rows."""
-    kinds = [table.columns[c].kind for c in columns]
-    heads = [textwrap.wrap(table.columns[c].head, w) for c, w in zip(columns, widths, strict=True)]
-    # from the lowest line up
-    upwards = zip_longest(*(reversed(head) for head in heads), fillvalue="")
-    for pieces in reversed(list(upwards)):
-        yield _line(kinds, widths, pieces, [""] * len(columns))
+    """The lines of some columns of a table: heads, a rule, and rows."""
+    shown = [table.columns[c] for c in columns]
+    kinds = [column.kind for column in shown]
+    yield from _row([TableCell(column.head) for column in shown], kinds, widths, lowest=True)
     yield GAP.join("─" * w for w in widths)
     for row in table.rows:
-        cells = [row[c] for c in columns]
-        wrapped = [textwrap.wrap(cell.display, w) for cell, w in zip(cells, widths, strict=True)]
-        for pieces in zip_longest(*wrapped, fillvalue=""):
-            yield _line(kinds, widths, pieces, [cell.mark for cell in cells])
+        yield from _row([row[c] for c in columns], kinds, widths)
 
 
-def _line(
-    kinds: Sequence[str], widths: Sequence[int], pieces: Sequence[str], marks: Sequence[str]
-) -> str:
-    """A line of cells, numbers to the right, those with a mark in its colour."""
-    shown = []
-    for piece, kind, width, mark in zip(pieces, kinds, widths, marks, strict=True):
-        room = " " * (width - len(piece))
-        styled = click.style(piece, fg=COLOUR[mark]) if mark and piece else piece
-        shown.append(room + styled if kind == NUMBER else styled + room)
-    return GAP.join(shown).rstrip()
+def _row(
+    cells: Sequence[TableCell], kinds: Sequence[str], widths: Sequence[int], lowest: bool = False
+) -> Iterator[str]:
+    """The lines of a row of cells, numbers to the right, those with a mark in its colour.
+
+    `lowest`: Whether cells with fewer lines stand on the lowest of them.
+    """
+    wrapped = [textwrap.wrap(cell.display, w) for cell, w in zip(cells, widths, strict=True)]
+    height = max(map(len, wrapped))
+    for number in range(height):
+        pieces = []
+        for cell, lines, kind, width in zip(cells, wrapped, kinds, widths, strict=True):
+            blank = [""] * (height - len(lines))
+            piece = (blank + lines if lowest else lines + blank)[number]
+            room = " " * (width - len(piece))
+            styled = click.style(piece, fg=COLOUR[cell.mark]) if cell.mark and piece else piece
+            pieces.append(room + styled if kind == NUMBER else styled + room)
+        yield GAP.join(pieces).rstrip()
 
 
 def select(sections: Sequence[ShownSection], words: str) -> list[ShownSection]:

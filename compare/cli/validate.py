@@ -230,4 +230,4 @@ def tradeoff(
     results = begin()
     asked_for = {"accuracies": asked, "orders": orders, **settings}
     found = measure(base, **asked_for)
-    results.say(results.write(found, scene=base.to_dict(), **asked_for))
+    results.say(results.write(found, **asked_for))

@@ -24,6 +24,7 @@ import pyarrow.parquet as pq
 from filelock import FileLock, SoftFileLock, Timeout
 
 from rattle.compare.report.folder import ANY_TEXT, PART_SUFFIX, describe_refusal, scratch_path
+from rattle.compare.report.json_text import Facts as Facts
 from rattle.compare.report.json_text import json_digest, json_text
 from rattle.montecarlo.kernel.blocks import Blocks
 from rattle.scene import OutputError, Scene, line
@@ -66,8 +67,6 @@ SEAL = hashlib.sha256().digest_size
 PARQUET_ENTRY = b"rattle"  # metadata entry of a Parquet file that holds its key and its facts
 
 
-Facts: TypeAlias = dict[str, Any]
-"""Plain data by name, as JSON can hold it."""
 Say: TypeAlias = Callable[[str], object]
 """Says a line to whoever waits."""
 

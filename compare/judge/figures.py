@@ -8,7 +8,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from rattle.compare.judge.verdict import JUDGED
+from rattle.compare.judge.verdict import JUDGED, Tolerances
 from rattle.compare.report.style import ACCURATE_COLOUR, STYLE, SYMBOL, legend_above, new_figure
 
 LINEAR_ERRORS = 0.1  # the axis of errors is linear up to this many sds, logarithmic beyond
@@ -24,30 +24,32 @@ def offsets(names: Sequence[str]) -> dict[str, float]:
 
 
 def error_panel(
-    ax: Axes, rows: pd.DataFrame, closures: Sequence[str], tolerance: float, accurate: str
+    ax: Axes,
+    table: pd.DataFrame,
+    panel: tuple[str, str],
+    closures: Sequence[str],
+    tolerances: Tolerances,
+    accurate: str,
 ) -> None:
-    """Errors with their intervals over ``at``, in units of the quantity, and the band of what is
-    accurate."""
+    """Errors of a moment of a quantity with their intervals over ``at``, in units of the quantity,
+    and the band of what is accurate."""
+    moment, quantity = panel
+    rows = table.query("moment == @moment and quantity == @quantity")
+    name = SYMBOL.get(quantity, quantity)
+    ax.set_title(name if moment == "rho" else f"{moment} of {name}", loc="left")
+    tolerance = getattr(tolerances, moment)
     ax.axhspan(-tolerance, tolerance, color=ACCURATE_COLOUR, alpha=0.18, lw=0, label=accurate)
     ax.axhline(0.0, color="0.4", lw=0.8)
     for closure, shift in offsets(closures).items():
         of_closure = rows[rows["closure"] == closure]
         error, low, high = (of_closure[n] / of_closure["unit"] for n in ("error", "low", "high"))
+        at = of_closure["at"] + shift
         bars = [error - low, high - error]
-        ax.errorbar(
-            of_closure["at"] + shift,
-            error,
-            bars,
-            ls="none",
-            ms=4,
-            capsize=2,
-            label=closure,
-            **STYLE[closure],
-        )
+        style = {"label": closure, "ms": 4, **STYLE[closure]}
+        ax.errorbar(at, error, bars, ls="none", capsize=2, **style)
     if rows.empty:
-        ax.text(
-            0.5, 0.75, "no closure predicts it", transform=ax.transAxes, ha="center", color="0.35"
-        )
+        place = ax.transAxes
+        ax.text(0.5, 0.75, "no closure predicts it", transform=place, ha="center", color="0.35")
     ax.set_yscale("symlog", linthresh=LINEAR_ERRORS)
     limit = max(10.0, *(abs(t) for t in ax.get_ylim()))
     ax.set_ylim(-limit, limit)
@@ -64,16 +66,12 @@ def draw_errors(found: Any) -> Figure:
     columns = max(min(len(panels), in_a_row), 1)
     rows = max(-(-len(panels) // columns), 1)
     figure, axes = new_figure(3.4 * columns + 0.6, 1.0 + 2.5 * rows, rows, columns)
-    tolerances = dict(zip(("mean", "sd", "rho", "skew", "kurt"), found.tolerances, strict=True))
-    for ax, (moment, quantity) in zip(axes, panels, strict=False):
-        here = table[(table["moment"] == moment) & (table["quantity"] == quantity)]
-        error_panel(ax, here, found.closures, tolerances[moment], "counts as accurate")
-        ax.set(xlim=(0.5, len(labels) + 0.5), xlabel=found.label)
+    for ax, panel in zip(axes, panels, strict=False):
+        error_panel(ax, table, panel, found.closures, found.tolerances, "counts as accurate")
+        unit = "error / sd" if panel[0] in ("mean", "sd") else "error"
+        ax.set(xlim=(0.5, len(labels) + 0.5), xlabel=found.label, ylabel=unit)
         shown = range(0, len(labels), max(len(labels) // 6, 1))
         ax.set_xticks([at + 1 for at in shown], [_short(labels[at]) for at in shown])
-        name = SYMBOL.get(quantity, quantity)
-        ax.set_title(name if moment == "rho" else f"{moment} of {name}", loc="left")
-        ax.set_ylabel("error / sd" if moment in ("mean", "sd") else "error")
     for ax in axes[len(panels) :]:
         ax.set_visible(False)
     legend_above(figure, axes[: max(len(panels), 1)], 5)

@@ -26,9 +26,11 @@ from rattle.compare.judge.rows import (
     NamedSection,
     compare_rows,
     judge_errors,
+    largest_unseen,
+    split_column,
     waits_for_branch,
 )
-from rattle.compare.judge.samples import PathSamples, read_samples
+from rattle.compare.judge.samples import PathSamples, SampleReader
 from rattle.compare.judge.verdict import Tolerances
 from rattle.montecarlo.statistics.intervals import CONFIDENCE, half_width, tail_of, widest
 from rattle.scene import InputError, count, finite, positive
@@ -151,7 +153,7 @@ def judge(
         raise InputError("level", level, "must lie between 0 and 1, both excluded")
     label = str(predictions[0].section.index.name or "row")
     given_names = tuple(names) if names is not None else _names_for(samples, predictions)
-    read = read_samples(samples, given_names, label, "samples")
+    read = SampleReader(given_names, label, "samples").read(samples)
     moments = find_moments(predictions, read.names, read.columns)
     check_values(predictions, moments.columns)
     coarse = _read_coarser(coarser, read, label)
@@ -232,11 +234,8 @@ def _names_for(samples: Any, predictions: Sequence[NamedSection]) -> tuple[str, 
     not say."""
     if not isinstance(samples, np.ndarray) or samples.ndim != 3:
         return None
-    means = [
-        str(name)
-        for name in predictions[0].section.columns
-        if not str(name).startswith(("sd_", "skew_", "kurt_", "rho_"))
-    ]
+    columns = map(str, predictions[0].section.columns)
+    means = [name for name in columns if split_column(name)[0] == "mean"]
     return tuple(means) if len(means) == samples.shape[2] else None
 
 
@@ -244,7 +243,7 @@ def _read_coarser(coarser: Any, read: PathSamples, label: str) -> PathSamples | 
     """The samples at twice the step, of the same quantities and rows."""
     if coarser is None:
         return None
-    coarse = read_samples(coarser, read.names, label, "coarser")
+    coarse = SampleReader(read.names, label, "coarser").read(coarser)
     if coarse.names != read.names:
         why = f"has other quantities than samples, which are {read.names}"
         raise InputError("coarser", coarse.names, why)
@@ -319,25 +318,24 @@ def _labels_for(
 
 def _paths_for_unseen(table: pd.DataFrame) -> pd.Series:
     """Paths of which so small a share is unseen that it changes little of a tolerance."""
-    shift = table[["unseen_low", "unseen_high"]].max(axis=1)
-    needed = table["paths"].fillna(0.0) * shift / (UNSEEN_OF_TOLERANCE * table["tolerance"])
+    largest = UNSEEN_OF_TOLERANCE * table["tolerance"]
+    needed = table["paths"].fillna(0.0) * largest_unseen(table) / largest
     return needed.map(math.ceil, na_action="ignore")
 
 
 def _paths_for_room(table: pd.DataFrame) -> pd.Series:
     """Paths of which the unseen share leaves a row decided, where what was seen decides it; else as
     many as were counted."""
-    shift = table[["unseen_low", "unseen_high"]].max(axis=1)
     seen_low = (table["low"] + table["unseen_low"]).abs()
     seen_high = (table["high"] - table["unseen_high"]).abs()
     room = table["tolerance"] - np.maximum(seen_low, seen_high)
-    needed = table["paths"] * shift / room.where(room > 0.0)
+    needed = table["paths"] * largest_unseen(table) / room.where(room > 0.0)
     return needed.map(math.ceil, na_action="ignore").fillna(table["paths_needed"])
 
 
 def _unseen_remarks(table: pd.DataFrame) -> list[str]:
     """What an unseen share of the paths could change, in words."""
-    shift = np.maximum(table["unseen_low"], table["unseen_high"]) / table["unit"]
+    shift = largest_unseen(table) / table["unit"]
     return [
         f"fewer than {percent(share)} of the paths may be missing from these samples:"
         f" {FAR_SDS:g} sds away they could change this {moment} by {change:.2g}"
@@ -351,6 +349,6 @@ def _has_enough(table: pd.DataFrame, tail: float) -> pd.Series:
     se = table["noise"] / z
     skewed = 1.0 + table["lean"].abs() * (2.0 * z**2 + 1.0) / (6.0 * z)
     half = half_width(table["paths"].fillna(np.inf), tail) * skewed * se
-    beside = np.maximum(table["unseen_low"], table["unseen_high"]) + table["rest"]
+    beside = largest_unseen(table) + table["rest"]
     enough: pd.Series = half + ndtri(SHARE_FOUND) * se + beside <= table["tolerance"]
     return enough

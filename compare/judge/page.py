@@ -6,6 +6,7 @@ from typing import Any
 
 from rattle.compare.judge.verdict import JUDGED, MARKS, Verdict
 from rattle.compare.report.folder import name_of
+from rattle.compare.report.json_text import Facts
 from rattle.compare.report.provenance import provenance
 from rattle.compare.report.report import Report
 from rattle.compare.report.save import save
@@ -15,7 +16,7 @@ MOST_ROWS = 200
 """Rows that the page shows; the table files hold all of them."""
 
 
-def make_report(found: Any, record: dict[str, Any]) -> Report:
+def make_report(found: Any, record: Facts) -> Report:
     """The report on a `rattle.compare.Judgement`."""
     table = found.table
     shown = table[table["verdict"].isin(JUDGED)]

@@ -7,8 +7,8 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
-from rattle.compare.judge.rows import PREFIX, NamedSection
-from rattle.compare.judge.samples import read_table
+from rattle.compare.judge.rows import PREFIX, NamedSection, split_column
+from rattle.compare.judge.samples import read_table, units_of
 from rattle.scene import InputError, nearest
 
 PREDICTED_FORMS = (
@@ -32,11 +32,7 @@ def read_predictions(given: Any, name: str = "prediction") -> list[NamedSection]
         return _read_frame(given, name)
     if hasattr(given, "to_dataframe"):
         frame = given.to_dataframe()
-        frame.attrs["units"] = {
-            str(n): str(v.attrs["units"])
-            for n, v in given.data_vars.items()
-            if v.attrs.get("units")
-        }
+        frame.attrs["units"] = units_of(given.data_vars)
         return [NamedSection(name, frame)]
     if isinstance(given, Mapping) and given:
         tables = [_is_table(value) for value in given.values()]
@@ -129,24 +125,18 @@ def find_moments(
     pairs = []
     others = []
     for column in columns:
-        places = [
-            (moment, column.removeprefix(prefix))
-            for moment, prefix in PREFIX.items()
-            if column.startswith(prefix) and column.removeprefix(prefix) in names
-        ]
-        if places:
-            moment, quantity = places[0]
+        # a quantity may have a name that looks like that of a moment
+        moment, quantity = ("mean", column) if column in names else split_column(column)
+        if moment != "rho" and quantity in names:
             moments.add(moment)
             quantities.append(quantity)
-            continue
-        pair = _pair_of(column, names)
-        if pair:
+        elif pair := _pair_of(column, names):
             pairs.append(pair)
             quantities.extend(pair)
-            continue
-        if column in filled and column not in not_asked and not _pair_of(column, known):
-            _check_name(column, names)
-        others.append(column)
+        else:
+            if column in filled and column not in not_asked and not _pair_of(column, known):
+                _check_name(column, names)
+            others.append(column)
     ordered = [name for name in names if name in quantities]
     if not ordered:
         first = columns[0] if columns else ""
@@ -159,21 +149,15 @@ def find_moments(
 
 def _pair_of(column: str, names: Sequence[str]) -> tuple[str, str] | None:
     """The two quantities whose correlation a column is."""
-    if not column.startswith("rho_"):
-        return None
-    rest = column.removeprefix("rho_")
-    pairs = ((a, rest.removeprefix(f"{a}_")) for a in names if rest.startswith(f"{a}_"))
-    return next(((a, b) for a, b in pairs if b in names), None)
+    pairs = ((a, b) for a in names for b in names if column == f"rho_{a}_{b}")
+    return next(pairs, None)
 
 
 def _check_name(column: str, names: Sequence[str]) -> None:
     """Refuse the moment of an unknown quantity, and what looks like a misspelt one."""
-    for prefix in ("sd_", "skew_", "kurt_", "rho_"):
-        if column.startswith(prefix):
-            quantity = column.removeprefix(prefix)
-            raise InputError("predicted", column, f"no such quantity; {nearest(quantity, names)}")
-    meant = nearest(column, names)
-    if meant.startswith("did you mean"):
+    moment, quantity = split_column(column)
+    meant = nearest(quantity, names)
+    if moment != "mean" or meant.startswith("did you mean"):
         raise InputError("predicted", column, f"no such quantity; {meant}")
 
 

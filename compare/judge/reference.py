@@ -3,7 +3,6 @@ error, the bias of the step, and what so few paths cannot have seen."""
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from itertools import zip_longest
 from typing import Any
 
@@ -11,7 +10,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from rattle.compare.judge.dependent import errors_of_draws, errors_of_groups
+from rattle.compare.judge.dependent import MomentErrors, errors_of_draws, errors_of_groups
 from rattle.compare.judge.samples import PathSamples, check_block
 from rattle.compare.judge.sums import SampleSums, standardised
 from rattle.montecarlo.statistics.intervals import ABSOLUTE, FEWEST_FOR_SD, ROUNDED_SD
@@ -47,17 +46,6 @@ share of the change from one step to twice the step: for every order from a half
 of impacts that a discrete path misses."""
 
 
-@dataclass
-class Moments:
-    """One moment of some quantities: arrays of a row for each cell."""
-
-    moment: str
-    value: Floats
-    se: Floats
-    lean: Floats  # skewness of the sampling distribution
-    effective: Floats  # paths that its error rests on
-
-
 def reduce_samples(
     samples: PathSamples,
     coarser: PathSamples | None,
@@ -72,22 +60,27 @@ def reduce_samples(
     on each other; (paths,).
     """
     single, joint, both, coarse = _sum_all(samples, coarser, pairs)
-    rows = _row_count(single, len(samples.names))
     _check_spread(single, samples.names)
+    errors = {}
     if groups is not None:
         errors = errors_of_groups(samples, single, joint, pairs, groups)
     elif samples.draws:
-        errors = errors_of_draws(samples, single)
-    else:
-        errors = {}
-    parts = [
-        _rows_of(moment, samples, rows, single.n) for moment in _moments_of(single, moments, errors)
-    ]
+        errors = errors_of_draws(samples)
+    values = single_statistics(single)
+    parts = []
+    for moment in moments:
+        error = errors.get(moment) or _error_of(moment, values[f"se_{moment}"], single)
+        part = _rows_of(moment, samples.names, values[moment], error, single.n)
+        # quantity by quantity
+        parts.append(part.iloc[np.arange(len(part)).reshape(-1, len(samples.names)).T.ravel()])
     if coarser is not None:
         steps = _step_changes(single, both, coarse)
         parts = [_corrected(part, steps) for part in parts]
-    for pair, sums in zip(pairs, joint, strict=True):
-        parts.append(_rows_of_pair(samples, rows, pair, sums, errors.get(f"rho{pair}")))
+    for (i, j), sums in zip(pairs, joint, strict=True):
+        values = pair_statistics(sums)
+        error = errors.get(f"rho{i, j}") or MomentErrors(values["se_rho"], 0.0 * sums.n, sums.n)
+        names = (f"rho_{samples.names[i]}_{samples.names[j]}",)
+        parts.append(_rows_of("rho", names, values["rho"], error, sums.n))
     return pd.concat(parts, ignore_index=True)
 
 
@@ -96,33 +89,39 @@ def _sum_all(
 ) -> tuple[SampleSums, list[SampleSums], SampleSums | None, SampleSums | None]:
     """One pass through all blocks: single sums, those of each pair, those of both steps together
     where their paths go in pairs, and those of the coarser step alone where they do not."""
-    single: SampleSums | None = None
-    joint: list[SampleSums] = []
-    both: SampleSums | None = None
+    totals: list[SampleSums] = []
     paired = coarser is not None and _same_paths(samples, coarser)
     partners: Iterator[Floats] = iter(coarser.blocks) if paired and coarser else iter(())
     count = 0
     for block, partner in zip_longest(samples.blocks, partners):
         check_block(block, count, samples.names, "samples")
-        count += len(block)
-        cells = block.reshape(len(block), -1)
+        cells = _cells_of(block)
         with np.errstate(over="ignore", invalid="ignore"):  # what overflows is refused below
-            single = _add(single, SampleSums.of_block(cells, cells, SINGLE))
-        sums = [SampleSums.of_block(block[:, :, i], block[:, :, j], PAIR) for i, j in pairs]
-        joint = [_add(a, b) for a, b in zip_longest(joint, sums)]
+            parts = [SampleSums.of_block(cells, cells, SINGLE)]
+            parts += [SampleSums.of_block(block[:, :, i], block[:, :, j], PAIR) for i, j in pairs]
         if partner is not None:
-            check_block(partner, count - len(block), samples.names, "coarser")
-            other = partner.reshape(len(partner), -1)
-            both = _add(both, SampleSums.of_block(cells, other, PAIR))
-    if single is None or count < 2:
+            check_block(partner, count, samples.names, "coarser")
+            parts.append(SampleSums.of_block(cells, _cells_of(partner), PAIR))
+        count += len(block)
+        with np.errstate(over="ignore", invalid="ignore"):
+            totals = list(map(SampleSums.merge, totals, parts)) if totals else parts
+    if count < 2:
         raise InputError("samples", f"{count} paths", "one path has no spread; give more")
+    single, *joint = totals
+    both = joint.pop() if paired else None
     coarse = None
     if coarser is not None and not paired:
         for block in coarser.blocks:
             check_block(block, 0, samples.names, "coarser")
-            cells = block.reshape(len(block), -1)
-            coarse = _add(coarse, SampleSums.of_block(cells, cells, SINGLE[:3]))
+            cells = _cells_of(block)
+            sums = SampleSums.of_block(cells, cells, SINGLE[:3])
+            coarse = coarse.merge(sums) if coarse else sums
     return single, joint, both, coarse
+
+
+def _cells_of(block: Floats) -> Floats:
+    """A block with a column for each row and quantity."""
+    return block.reshape(len(block), -1)
 
 
 def _same_paths(samples: PathSamples, coarser: PathSamples) -> bool:
@@ -130,16 +129,6 @@ def _same_paths(samples: PathSamples, coarser: PathSamples) -> bool:
     measured, so that it does not matter whether they have the same noise."""
     arrays = (samples.array, coarser.array)
     return all(array is not None for array in arrays) and len(arrays[0]) == len(arrays[1])
-
-
-def _add(before: SampleSums | None, now: SampleSums | None) -> SampleSums:
-    """The sums of all blocks so far."""
-    assert now is not None
-    return now if before is None else before.merge(now)
-
-
-def _row_count(single: SampleSums, quantities: int) -> int:
-    return len(single.n) // quantities
 
 
 LEAST_SPREAD = 1e-35
@@ -161,59 +150,48 @@ def _check_spread(single: SampleSums, names: Sequence[str]) -> None:
         raise InputError(f"samples, spread of {names[cell % len(names)]}", spread[cell], why)
 
 
-def _moments_of(
-    single: SampleSums, moments: Sequence[str], errors: dict[str, tuple[Floats, Floats, Floats]]
-) -> list[Moments]:
-    """The asked moments of every cell with their standard errors."""
-    values = single_statistics(single)
+def _error_of(moment: str, se: Floats, single: SampleSums) -> MomentErrors:
+    """What the error of a moment is where all paths are independent."""
     n = single.n
+    lean = 0.0 * n
+    effective = n
     z = standardised(single)
-    reach = np.maximum(single.largest - single.mean[0], single.mean[0] - single.least)
-    listed = []
-    for moment in moments:
-        with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
-            lean = 0.0 * n
-            effective = n
-            if moment == "mean":
-                lean = z[3] / np.sqrt(n)
-            elif moment == "sd":
-                square = np.maximum(z[4] - 1.0, 1e-12)
-                lean = (z[6] - 3.0 * z[4] + 2.0) / square**1.5 / np.sqrt(n)
-            else:
-                # the error of a third or fourth moment rests on the few largest deviations
-                power = 6 if moment == "skew" else 8
-                effective = np.minimum(n, single.sums[power, 0] / reach**power)
-        se = values[f"se_{moment}"]
-        if moment in errors:
-            se, lean, effective = errors[moment]
-        listed.append(
-            Moments(moment, values[moment], se, np.nan_to_num(lean), np.nan_to_num(effective))
-        )
-    return listed
+    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+        if moment == "mean":
+            lean = z[3] / np.sqrt(n)
+        elif moment == "sd":
+            square = np.maximum(z[4] - 1.0, 1e-12)
+            lean = (z[6] - 3.0 * z[4] + 2.0) / square**1.5 / np.sqrt(n)
+        else:
+            # the error of a third or fourth moment rests on the few largest deviations
+            power = 6 if moment == "skew" else 8
+            reach = np.maximum(single.largest - single.mean[0], single.mean[0] - single.least)
+            effective = np.minimum(n, single.sums[power, 0] / reach**power)
+    return MomentErrors(se, lean, effective)
 
 
-def _rows_of(m: Moments, samples: PathSamples, rows: int, n: Floats) -> pd.DataFrame:
-    """The rows of one moment of all quantities, quantity by quantity."""
-    quantities = len(samples.names)
-    known = n >= (2 if m.moment == "mean" else FEWEST_FOR_SD)
-    few = np.zeros_like(known)
-    if m.moment in ("skew", "kurt"):
-        few = known & (m.effective < FEWEST_EFFECTIVE)
-    table = pd.DataFrame(
+def _rows_of(
+    moment: str, names: Sequence[str], value: Floats, error: MomentErrors, n: Floats
+) -> pd.DataFrame:
+    """The rows of one moment of some quantities, row by row."""
+    effective = np.nan_to_num(error.effective)
+    known = n >= (2 if moment == "mean" else FEWEST_FOR_SD)
+    few = known & (effective < FEWEST_EFFECTIVE) & (moment in ("skew", "kurt"))
+    rows = len(n) // len(names)
+    return pd.DataFrame(
         {
-            "row": np.repeat(np.arange(rows), quantities),
-            "quantity": np.tile(samples.names, rows),
-            "moment": m.moment,
-            "simulated": m.value,
-            "se": m.se,
-            "noise": np.where(known & ~few, m.se, np.nan),
+            "row": np.repeat(np.arange(rows), len(names)),
+            "quantity": np.tile(names, rows),
+            "moment": moment,
+            "simulated": value,
+            "se": error.se,
+            "noise": np.where(known & ~few, error.se, np.nan),
             "paths": n,
-            "effective_paths": m.effective,
-            "lean": m.lean,
+            "effective_paths": effective,
+            "lean": np.nan_to_num(error.lean),
             "remark": np.where(few, TAIL_TOO_FEW, ""),
         }
     )
-    return table.iloc[np.argsort(np.tile(np.arange(quantities), rows), kind="stable")]
 
 
 def _unseen(moment: str, n: Floats) -> tuple[Floats, Floats]:
@@ -229,33 +207,6 @@ def _unseen(moment: str, n: Floats) -> tuple[Floats, Floats]:
         return both_ways[moment], both_ways[moment]
     upwards = np.sqrt(1.0 + share * FAR_SDS**2) - 1.0 if moment == "sd" else share * FAR_SDS**4
     return upwards, nil
-
-
-def _rows_of_pair(
-    samples: PathSamples,
-    rows: int,
-    pair: tuple[int, int],
-    sums: SampleSums,
-    of_groups: tuple[Floats, Floats, Floats] | None,
-) -> pd.DataFrame:
-    """The rows of the correlation of two quantities."""
-    values = pair_statistics(sums)
-    a, b = (samples.names[i] for i in pair)
-    se, lean, effective = of_groups or (values["se_rho"], 0.0 * sums.n, sums.n)
-    return pd.DataFrame(
-        {
-            "row": np.arange(rows),
-            "quantity": f"rho_{a}_{b}",
-            "moment": "rho",
-            "simulated": values["rho"],
-            "se": se,
-            "noise": np.where(sums.n >= FEWEST_FOR_SD, se, np.nan),
-            "paths": sums.n,
-            "effective_paths": effective,
-            "lean": lean,
-            "remark": "",
-        }
-    )
 
 
 def _step_changes(
@@ -330,10 +281,7 @@ ROW_DEFAULTS: dict[str, Any] = {
 
 def complete_rows(rows: pd.DataFrame, label: str) -> pd.DataFrame:
     """Reduced rows with everything that `rattle.compare.judge.rows.compare_rows` takes."""
-    table = rows.copy()
-    for name, value in ROW_DEFAULTS.items():
-        if name not in rows:
-            table[name] = value
+    table = rows.assign(**{n: value for n, value in ROW_DEFAULTS.items() if n not in rows})
     if "corrected" not in rows:
         table["corrected"] = table["simulated"] - table["bias"]
     if "noise" not in rows:

@@ -3,12 +3,14 @@ as a report."""
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import pandas as pd
 
 from rattle.compare.judge.reference import UNSEEN_PATHS
-from rattle.compare.judge.verdict import JUDGED, Verdict, join_words, unbroken
+from rattle.compare.judge.verdict import JUDGED, Verdict, name_all, unbroken
+from rattle.compare.report.json_text import Facts
+from rattle.compare.report.render import render_sentences
 from rattle.scene import as_html
 from rattle.scene.numpy_errors import numpy_defaults
 from rattle.scene.text import percent
@@ -58,15 +60,6 @@ class Verdicts:
 
 MOST_PATHS_TOLD = 1e8
 """Largest number of paths that is given as a remedy."""
-
-
-def _describe_needed(paths: float) -> str:
-    """How many paths would decide, in words."""
-    if not paths > 0.0:
-        return ""
-    if paths > MOST_PATHS_TOLD:
-        return " (some so close to what is allowed that no affordable number of paths decides)"
-    return f" ({float(f'{paths:.2g}'):,.0f} paths would decide)"
 
 
 @numpy_defaults
@@ -146,116 +139,42 @@ class Judgement(Verdicts):
     def answer(self) -> list[str]:
         """The verdicts in sentences: how far each closure holds, and what the samples cannot
         tell."""
-        return [
-            *(self._describe_closure(name) for name in self.closures),
-            self._describe_sample(),
-            *self._describe_bias(),
-            *self._describe_unseen(),
-            *self._describe_ended(),
-            *self._describe_left_out(),
-        ]
-
-    def _describe_closure(self, name: str) -> str:
-        """Up to which row a closure is accurate, and its worst error."""
-        rows = self.table[self.table["closure"] == name]
-        judged = rows[rows["verdict"].isin(JUDGED)]
-        if judged.empty:
-            return f"`{name}` predicts nothing that could be judged."
-        labels = list(dict.fromkeys(judged[self.label]))
-        by_row = judged["verdict"].eq(Verdict.ACCURATE).groupby(judged[self.label], sort=False)
-        reach = unbroken(labels, by_row.all())
-        good, bad, undecided = (int((judged["verdict"] == verdict).sum()) for verdict in JUDGED)
-        sentence = f"`{name}`: {good} of {len(judged)} moments are accurate"
-        sentence += f", {bad} inaccurate" * bool(bad)
-        if undecided:
-            needed = judged.loc[judged["verdict"] == Verdict.UNDECIDED, "paths_needed"].max()
-            sentence += f", {undecided} undecided{_describe_needed(needed)}"
-        if len(labels) > 1 and good < len(judged):
-            if reach is None:
-                sentence += f"; already at {self.label} {labels[0]} some are not shown to be"
-            else:
-                sentence += f"; all are up to {self.label} {reach}"
-        worst = judged[judged["verdict"] == Verdict.INACCURATE]
-        if len(worst):
-            share = (worst["error"] / worst["tolerance"]).abs()
-            row = worst.iloc[int(share.argmax())].to_dict()
-            sentence += f". The worst: {self._describe_error(row)}"
-        return f"{sentence}."
-
-    def _describe_error(self, row: "dict[Any, Any]") -> str:
-        """A row that is wrong, in words."""
-        varies = row["unit"] > 0.0
-        scale = row["unit"] if varies else 1.0
-        error, low, high = (row[name] / scale for name in ("error", "low", "high"))
-        of = "" if row["moment"] == "rho" else f"{row['moment']} of "
-        unit = " of an sd" if varies and row["moment"] in ("mean", "sd") else ""
-        place = f"{of}{row['quantity']} at {self.label} {row[self.label]}"
-        interval = f" ({low:+.3g} to {high:+.3g})" if low < high else ""
-        return f"{place} is off by {error:+.3g}{unit}{interval}"
-
-    def _describe_sample(self) -> str:
-        """What the predictions were compared with."""
-        if self.exact:
-            return "The reference is exact: no sampling error stands beside these verdicts."
-        paths = self.table["paths"].max()
-        return (
-            f"Judged by {paths:,.0f} paths: intervals of {self.z:.2f} standard errors, which hold"
-            f" together with {percent(self.level)}."
+        paths = self.table["paths"]
+        first = self.table[self.table["closure"] == self.closures[0]]
+        bias = first["bias"].abs()
+        return render_sentences(
+            "judge/answer.j2",
+            found=self,
+            paths=paths,
+            percent=percent,
+            names=name_all,
+            most_paths=MOST_PATHS_TOLD,
+            closures={name: self._summarise(name) for name in self.closures},
+            bias=(bias / first["unit"]).max(),
+            biased=int((1.5 * bias > first["tolerance"]).sum()),
+            rows=len(first),
+            unseen=min(UNSEEN_PATHS / max(paths.min(), 1.0), 1.0),
+            reached=self.table.groupby(self.label, sort=False)["paths"].min(),
         )
 
-    def _describe_bias(self) -> list[str]:
-        """What is known of the bias of the step."""
-        if self.exact:
-            return []
-        if not self.bias_measured:
-            return [
-                "No bias of the step was measured: if the samples come from a scheme with a step,"
-                " give samples at twice the step as `coarser`."
-            ]
-        rows = self.table[self.table["closure"] == self.closures[0]]
-        share = (rows["bias"].abs() / rows["unit"]).max()
-        beyond = rows[1.5 * rows["bias"].abs() > rows["tolerance"]]
-        if share == 0.0:
-            return ["The samples have no bias of the step."]
-        sentence = f"The bias of the step is up to {share:.2g} sds."
-        if len(beyond):
-            sentence += (
-                f" At {len(beyond)} of {len(rows)} moments it exceeds what counts as accurate: the"
-                " samples cannot be believed there; take a smaller step."
-            )
-        return [sentence]
-
-    def _describe_unseen(self) -> list[str]:
-        """What so few paths cannot have seen."""
-        if self.exact or self.searched:
-            return []
-        paths = self.table["paths"].min()
-        share = percent(min(UNSEEN_PATHS / max(paths, 1.0), 1.0))
-        return [
-            "Rare branches were not searched for, as there is no model: anything that fewer than"
-            f" {share} of all paths do may be missing from {paths:,.0f} paths."
-        ]
-
-    def _describe_ended(self) -> list[str]:
-        """Where paths have ended."""
-        by_row = self.table.groupby(self.label, sort=False)["paths"].min()
-        if self.exact or not by_row.min() < by_row.max():
-            return []
-        last = by_row.idxmin()
-        return [
-            f"{self.label} {last} is reached by {by_row.min():,.0f} of {by_row.max():,.0f} paths."
-        ]
-
-    def _describe_left_out(self) -> list[str]:
-        """What was not compared."""
-        sentences = []
-        if self.not_compared:
-            names = join_words([f"`{name}`" for name in self.not_compared])
-            sentences.append(f"Not compared, as the samples have no such quantity: {names}.")
-        if self.unpredicted:
-            names = join_words([f"`{name}`" for name in self.unpredicted])
-            sentences.append(f"Nothing is predicted of {names}.")
-        return sentences
+    def _summarise(self, name: str) -> Facts:
+        """Up to which row a closure is accurate, and its worst error, for the sentence on it."""
+        judged = self.table.query("closure == @name and verdict in @JUDGED")
+        accurate = judged["verdict"].eq(Verdict.ACCURATE)
+        by_row = accurate.groupby(judged[self.label], sort=False).all()
+        undecided = judged[judged["verdict"] == Verdict.UNDECIDED]
+        wrong = judged[judged["verdict"] == Verdict.INACCURATE]
+        share = (wrong["error"] / wrong["tolerance"]).abs()
+        return {
+            "moments": len(judged),
+            "good": int(accurate.sum()),
+            "bad": len(wrong),
+            "undecided": len(undecided),
+            "needed": undecided["paths_needed"].max(),
+            "labels": list(by_row.index),
+            "reach": unbroken(by_row.index, by_row),
+            "worst": wrong.iloc[int(share.argmax())].to_dict() if len(wrong) else None,
+        }
 
     def __repr__(self) -> str:
         """What was compared, and the verdicts, on a few lines."""
@@ -267,7 +186,7 @@ class Judgement(Verdicts):
     def _repr_html_(self) -> str:
         return as_html(repr(self), self.table.to_html(max_rows=40))
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> Facts:
         """Answer and table as plain data."""
         return {
             "answer": self.answer,

@@ -23,6 +23,16 @@ PREFIX = {"mean": "", "sd": "sd_", "skew": "skew_", "kurt": "kurt_", "rho": ""}
 """What stands before a quantity in the name of the column of each moment; a correlation is named as
 it is."""
 
+
+def split_column(name: str) -> tuple[str, str]:
+    """The moment that a column has, and the rest of its name: the quantity, of a correlation
+    both."""
+    for moment in ("sd", "skew", "kurt", "rho"):
+        if name.startswith(f"{moment}_"):
+            return moment, name.removeprefix(f"{moment}_")
+    return "mean", name
+
+
 WORTH_A_WORD = 0.05
 """Share of a tolerance from which on what a branch could change is told."""
 
@@ -80,17 +90,15 @@ def compare_rows(
         tolerance=np.maximum(of_moment * reference["unit"], reference["still"]).astype(float)
     )
     column = moment_columns(reference)
-    parts = []
-    for prediction in predictions:
-        predicted = pick(prediction.section, reference[label], column)
-        parts.append(
-            rows.assign(
-                closure=prediction.closure,
-                predicted=predicted,
-                error=predicted - reference["corrected"],
-            )
+    parts = [
+        rows.assign(
+            closure=prediction.closure,
+            predicted=pick(prediction.section, reference[label], column),
         )
-    return pd.concat(parts, ignore_index=True)
+        for prediction in predictions
+    ]
+    table = pd.concat(parts, ignore_index=True)
+    return table.assign(error=table["predicted"] - table["corrected"])
 
 
 def judge_errors(table: pd.DataFrame, z: float) -> pd.DataFrame:
@@ -116,27 +124,26 @@ def judge_errors(table: pd.DataFrame, z: float) -> pd.DataFrame:
 def remarks(table: pd.DataFrame) -> NDArray[Any]:
     """What decides a row besides its sd, in words: the size of what does not vary, and what the
     sample has not seen."""
-    shift = np.maximum(table["unseen_low"], table["unseen_high"])
+    undecided = table["verdict"] == Verdict.UNDECIDED
     by_size = (table["still"] > 0.0) & table["verdict"].isin(JUDGED)
-    few = table["low"].isna() & (table["verdict"] == Verdict.UNDECIDED)
-    by_step = (table["rest"] >= table["tolerance"]) & (table["verdict"] == Verdict.UNDECIDED)
+    few = table["low"].isna() & undecided
+    by_step = (table["rest"] >= table["tolerance"]) & undecided
+    texts = np.select([few, by_size, by_step], [TOO_FEW_FOR_INTERVAL, BY_SIZE, BY_STEP], "")
+    out = texts.astype(object)
     waits = waits_for_branch(table)
-    out = np.select([few, by_size, by_step], [TOO_FEW_FOR_INTERVAL, BY_SIZE, BY_STEP], "").astype(
-        object
-    )
     if waits.any():
-        columns = (
-            table["moment"],
-            table["unseen_share"],
-            shift / table["unit"],
-            table["unseen_paths"],
-        )
-        out[waits] = list(map(unseen_text, *(column[waits] for column in columns)))
+        rows = table[waits].assign(change=largest_unseen(table) / table["unit"])
+        told = rows[["moment", "unseen_share", "change", "unseen_paths"]]
+        out[waits] = [unseen_text(*row) for row in told.itertuples(index=False)]
     return out
+
+
+def largest_unseen(table: pd.DataFrame) -> "pd.Series[float]":
+    """How far branches that the sample cannot have seen widen an interval, on the wider side."""
+    return table[["unseen_low", "unseen_high"]].max(axis=1)
 
 
 def waits_for_branch(table: pd.DataFrame) -> "pd.Series[bool]":
     """Whether a row is undecided for a rare branch that the sample cannot have seen."""
-    shift = np.maximum(table["unseen_low"], table["unseen_high"])
     open_row = (table["verdict"] == Verdict.UNDECIDED) & table["low"].notna()
-    return open_row & (shift > WORTH_A_WORD * table["tolerance"])
+    return open_row & (largest_unseen(table) > WORTH_A_WORD * table["tolerance"])

@@ -91,14 +91,13 @@ def judge(table: pd.DataFrame) -> pd.DataFrame:
         out[name] = out[name].fillna(0.0) if name in out else 0.0
     numbers = ["predicted", "error", "low", "high", "noise", "tolerance"]
     out[numbers] = out[numbers].astype(float)  # an empty table has columns of type object
+    error = out["error"]
     tolerance = out["tolerance"]
-    inside = (out["low"] >= -tolerance) & (out["high"] <= tolerance)
-    outside = (out["low"] > tolerance) | (out["high"] < -tolerance)
-    absent = out["predicted"].isna() | out["error"].isna()
+    inside, outside = _compare_interval(out["low"], out["high"], tolerance)
     excluded = ~out["judged"].astype(bool) if "judged" in out else np.zeros(len(out), bool)
     out["verdict"] = np.select(
-        [excluded, absent, inside, outside],
-        [Verdict.EXCLUDED, Verdict.NOT_PREDICTED, Verdict.ACCURATE, Verdict.INACCURATE],
+        [excluded, out["predicted"].isna() | error.isna(), inside, outside],
+        [Verdict.EXCLUDED, Verdict.NOT_PREDICTED, *DECIDED],
         Verdict.UNDECIDED,
     )
     # of what the sample has seen
@@ -106,21 +105,26 @@ def judge(table: pd.DataFrame) -> pd.DataFrame:
     high = out["high"] - out["unseen_high"]
     # what more paths do not reduce
     fixed = out.get("rest", 0.5 * (high - low) - out["noise"]).astype(float)
-    margin = (out["error"].abs() - tolerance).abs() - fixed
+    margin = (error.abs() - tolerance).abs() - fixed
     # room that unseen branches leave at most
     beside = margin - out[["unseen_low", "unseen_high"]].max(axis=1)
     with np.errstate(invalid="ignore", divide="ignore"):
         needed, whatever = (
-            out["paths"] * (out["noise"] / m.where(m > 0.0)) ** 2 for m in (margin, beside)
+            out["paths"] * (out["noise"] / room.where(room > 0.0)) ** 2 for room in (margin, beside)
         )
-    undecided = out["verdict"] == Verdict.UNDECIDED
-    seen = ((low >= -tolerance) & (high <= tolerance)) | (low > tolerance) | (high < -tolerance)
+    seen = np.logical_or(*_compare_interval(low, high, tolerance))
     needed = needed.where(~seen & low.notna(), 0.0).clip(lower=out["unseen_paths"])
     needed = needed.where(~(whatever < needed), whatever)
-    out["paths_needed"] = np.where(
-        undecided & (margin > 0.0) & np.isfinite(needed), np.ceil(needed), np.nan
-    )
+    more_decide = (out["verdict"] == Verdict.UNDECIDED) & (margin > 0.0) & np.isfinite(needed)
+    out["paths_needed"] = np.ceil(needed).where(more_decide)
     return out
+
+
+def _compare_interval(
+    low: pd.Series, high: pd.Series, tolerance: pd.Series
+) -> tuple["pd.Series[bool]", "pd.Series[bool]"]:
+    """Whether all of an interval lies within the tolerance, and whether all of it lies outside."""
+    return (low >= -tolerance) & (high <= tolerance), (low > tolerance) | (high < -tolerance)
 
 
 ACCURATE_UP_TO = "accurate up to"
@@ -199,6 +203,11 @@ def in_words(
 def join_words(items: Sequence[str]) -> str:
     """Join items as in a sentence: commas, and ``and`` before the last."""
     return items[0] if len(items) == 1 else ", ".join(items[:-1]) + " and " + items[-1]
+
+
+def name_all(names: Iterable[str]) -> str:
+    """Some names in code, joined as in a sentence."""
+    return join_words([f"`{name}`" for name in names])
 
 
 def span(values: Iterable[float], form: str) -> str:

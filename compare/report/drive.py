@@ -1,10 +1,9 @@
 """The page of a measured drive."""
 
-from typing import Any
-
 import numpy as np
 import pandas as pd
 
+from rattle.compare.report.json_text import Facts
 from rattle.compare.report.report import Report
 from rattle.scene.measured_drive import CHANCE, SMALL_ORDER, MeasuredDrive
 
@@ -22,7 +21,7 @@ RECORDED = (
 """Attributes of a measured drive that its manifest holds."""
 
 
-def make_report(found: MeasuredDrive, record: dict[str, Any]) -> Report:
+def make_report(found: MeasuredDrive, record: Facts) -> Report:
     """The report on a measured drive."""
     orders = pd.DataFrame(found.table)
     return Report(

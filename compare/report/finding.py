@@ -1,10 +1,11 @@
 """The base of results that say in sentences what was found."""
 
 from dataclasses import fields
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import pandas as pd
 
+from rattle.compare.report.json_text import Facts
 from rattle.scene import as_html
 from rattle.scene.numpy_errors import numpy_defaults
 
@@ -28,9 +29,9 @@ class Finding:
     def _repr_html_(self) -> str:
         return as_html(repr(self), getattr(self, self.shown).to_html(max_rows=40))
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> Facts:
         """Everything as plain data: tables by their rows, edges by the names of their fields."""
-        data: dict[str, Any] = {"answer": self.answer}
+        data: Facts = {"answer": self.answer}
         for field in fields(self):  # type: ignore[arg-type]  # of a dataclass
             value = getattr(self, field.name)
             if isinstance(value, pd.DataFrame):

@@ -10,8 +10,8 @@ from collections.abc import Collection, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from itertools import count
 from pathlib import Path
-from typing import Any
 
+from rattle.compare.report.json_text import Facts
 from rattle.scene import OutputError, harmless, line
 from rattle.scene.files import parse_json, read_regular
 from rattle.scene.progress import do
@@ -110,7 +110,7 @@ def refuse_foreign(out: Path, foreign: Collection[str]) -> None:
         raise refusal(out, f"holds other things ({names}); choose another folder")
 
 
-def read_own_manifest(folder: Path) -> dict[str, Any] | None:
+def read_own_manifest(folder: Path) -> Facts | None:
     """Read the manifest of a report or study; None where there is none that this project wrote."""
     try:
         record = parse_json(read_regular(folder / MANIFEST))

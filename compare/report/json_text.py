@@ -6,9 +6,12 @@ import math
 import os
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 from rattle.scene import FileError, harmless
+
+Facts: TypeAlias = dict[str, Any]
+"""Plain data by name, as JSON can hold it."""
 
 
 def plain(data: Any) -> Any:

@@ -12,9 +12,10 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
-from rattle.compare.report.json_text import check_not_newer, json_digest, plain
+from rattle.compare.report.json_text import Facts, check_not_newer, json_digest, plain
 from rattle.compare.report.provenance import versions
-from rattle.scene import FileError, Floats, InputError, Scene, check_keys, line
+from rattle.compare.report.render import render_sentences
+from rattle.scene import FileError, Floats, InputError, Scene, check_keys
 from rattle.scene.files import read_json, read_text
 
 VERSION = 1
@@ -43,18 +44,22 @@ class ReportSettings(NamedTuple):
     beside: tuple[str, ...] = ()  # schemes whose ensembles are shown beside that of the report
 
     @property
-    def simulation(self) -> dict[str, Any]:
+    def simulation(self) -> Facts:
         """Settings of every simulation of the report, except scene and threads."""
-        return {name: getattr(self, name) for name in ("paths", "impacts", "dt", "scheme")} | {
-            "rng": self.seed
+        return {
+            "paths": self.paths,
+            "impacts": self.impacts,
+            "dt": self.dt,
+            "scheme": self.scheme,
+            "rng": self.seed,
         }
 
     @property
-    def sweep(self) -> dict[str, Any]:
+    def sweep(self) -> Facts:
         """Settings of the simulations for the range of validity."""
         return {"paths": self.validity_paths, "impacts": self.impacts, "rng": self.seed}
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> Facts:
         """The settings as plain data for the manifest."""
         return {**self._asdict(), "scenes": [s.to_dict() for s in self.scenes]}
 
@@ -105,7 +110,7 @@ def read_settings(path: Path) -> Recorded:
         ) from None
 
 
-def seal(record: Mapping[str, Any]) -> dict[str, Any]:
+def seal(record: Mapping[str, Any]) -> Facts:
     """Add a digest of a record to it, so that a later change is detected."""
     record = plain(record)
     return {**record, "seal": json_digest(record)}
@@ -186,58 +191,35 @@ class Repeat(NamedTuple):
     @property
     def sentences(self) -> list[str]:
         """The result in sentences for the user."""
-        if self.outcome == BIT_FOR_BIT:
-            return ["Repeated bit for bit."]
-        found = "The numbers differ from the manifest's"
-        if self.outcome == ROUNDED:
-            found = "Repeated but for rounding"
-        largest = self.largest
-        if largest is None:
-            return [f"{found}. Only digests could be compared: {self.why}.", self._versions]
-        if math.isinf(largest.sds):
-            return [f"{found}: {largest.where}.", self._versions]
-        size = f"{largest.sds:.2g} sd"
-        if not math.isnan(largest.errors):
-            size += f", {largest.errors:.2g} standard errors"
-        bound = (
-            f"Up to {SAMPLED_ROUNDING:g} standard errors, or {PREDICTED_ROUNDING:g} sd"
-            " where nothing is sampled, counts as rounding."
+        return render_sentences(
+            "report/repeat.j2",
+            repeat=self,
+            exact=BIT_FOR_BIT,
+            rounded=ROUNDED,
+            sampled=SAMPLED_ROUNDING,
+            predicted=PREDICTED_ROUNDING,
+            differ=[
+                f"{name} {there}, here {here}"
+                for name, (there, here) in self.changed.items()
+                if there is not None
+            ],
+            missing=[
+                f"{name} (here {here})"
+                for name, (there, here) in self.changed.items()
+                if there is None
+            ],
         )
-        return [
-            f"{found}: the largest difference is {size} ({largest.where}). {bound}",
-            self._versions,
-        ]
 
-    @property
-    def _versions(self) -> str:
-        """The versions that are not those of the manifest."""
-        differ = []
-        missing = []
-        for name, (there, here) in self.changed.items():
-            if there is None:
-                missing.append(f"{name} (here {here})")
-            else:
-                differ.append(f"{name} {there}, here {here}")
-        sentences = []
-        if differ:
-            sentences.append(f"The manifest's versions that differ: {'; '.join(differ)}.")
-        if missing:
-            sentences.append(f"The manifest does not record: {', '.join(missing)}.")
-        if not sentences:
-            return "All versions and the processor are those of the manifest."
-        return line(" ".join(sentences))
-
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> Facts:
         """The result as plain data for JSON."""
-        changed = {
-            name: {"manifest": there, "here": here} for name, (there, here) in self.changed.items()
-        }
-        largest = self.largest and self.largest._asdict()
         return {
             "outcome": self.outcome,
-            "largest_difference": largest,
+            "largest_difference": self.largest and self.largest._asdict(),
             "why": self.why,
-            "changed": changed,
+            "changed": {
+                name: {"manifest": there, "here": here}
+                for name, (there, here) in self.changed.items()
+            },
         }
 
 
@@ -247,7 +229,7 @@ def compare(recorded: Recorded, now: Mapping[str, Any], folder: Path) -> Repeat:
     here = versions()
     names = dict.fromkeys([*here, *there])
     changed = {n: (there.get(n), here.get(n)) for n in names if there.get(n) != here.get(n)}
-    found = []
+    differences = []
     altered = []
     for name, file in REPEATED_TABLES.items():
         text = recorded.tables.get(name)
@@ -257,19 +239,19 @@ def compare(recorded: Recorded, now: Mapping[str, Any], folder: Path) -> Repeat:
         if now[name] == before:
             continue
         if now[name] is None or before is None:
-            found.append(incomparable(f"only one of them has {file}"))
+            differences.append(incomparable(f"only one of them has {file}"))
         elif text is None or file in altered:
             why = f"no {file} with the manifest's digest lies beside it"
             return Repeat(DIFFERENT, None, why, changed)
         else:
             first = pd.read_csv(io.StringIO(text))
             largest = difference(first, pd.read_csv(folder / file), recorded.settings.paths)
-            found.append(largest._replace(where=f"{file}, {largest.where}"))
+            differences.append(largest._replace(where=f"{file}, {largest.where}"))
     if altered:
-        found.append(incomparable(f"{' and '.join(altered)} beside it was changed since"))
-    if not found:
+        differences.append(incomparable(f"{' and '.join(altered)} beside it was changed since"))
+    if not differences:
         return Repeat(BIT_FOR_BIT, None, "", changed)
-    largest = max(found, key=lambda one: one.excess)
+    largest = max(differences, key=lambda one: one.excess)
     return Repeat(ROUNDED if largest.excess <= 1.0 else DIFFERENT, largest, "", changed)
 
 
@@ -290,12 +272,12 @@ def difference(one: pd.DataFrame, other: pd.DataFrame, paths: int) -> Difference
     excess = sds / (PREDICTED_ROUNDING + SAMPLED_ROUNDING * unit)
     if not excess.max(initial=0.0) > 0.0:
         return Difference(0.0, 0.0, math.nan, "only digits or words differ")
-    column, row = np.unravel_index(np.argmax(excess), excess.shape)
+    place = np.unravel_index(np.argmax(excess), excess.shape)
+    column, row = place
     name = names[column]
     which = ", ".join(f"{n} {one[n].iloc[row]}" for n in NAMING if n in one and n != name)
     where = f"column {name}, {which}: {one[name].iloc[row]} and {other[name].iloc[row]}"
-    sizes = [float(of[column, row]) for of in (excess, sds, errors)]
-    return Difference(sizes[0], sizes[1], sizes[2], where)
+    return Difference(float(excess[place]), float(sds[place]), float(errors[place]), where)
 
 
 def _differences(

@@ -16,6 +16,7 @@ from typing import Any
 import numba
 from llvmlite import binding
 
+from rattle.compare.report.json_text import Facts
 from rattle.scene import OutputError
 from rattle.scene.sources import PACKAGES, describe_difference, sources_in
 
@@ -28,7 +29,8 @@ class Stopwatch:
     """Wall time and processor time since it was made."""
 
     def __init__(self) -> None:
-        self._wall, self._cpu = time.perf_counter(), time.process_time()
+        self._wall = time.perf_counter()
+        self._cpu = time.process_time()
 
     @property
     def seconds(self) -> dict[str, float]:
@@ -38,7 +40,7 @@ class Stopwatch:
         return {"wall_seconds": round(wall, 1), "cpu_seconds": round(cpu, 1)}
 
 
-def provenance(watch: Stopwatch | None = None) -> dict[str, Any]:
+def provenance(watch: Stopwatch | None = None) -> Facts:
     """Command, commit and versions of this run, and its time if a watch has taken it; for the
     manifest.
 
@@ -58,7 +60,7 @@ def command_line(words: Sequence[str]) -> str:
 def versions() -> dict[str, str]:
     """Versions of the packages on which the numbers depend, and the processor as named by system
     and compiler."""
-    found = {
+    named = {
         "python": platform.python_version(),
         "machine": platform.machine(),
         "processor": _processor(),
@@ -66,22 +68,22 @@ def versions() -> dict[str, str]:
         "vectors": _vectors(),
     }
     for package in VERSIONED:
-        found[package] = "not installed"
+        named[package] = "not installed"
         with suppress(importlib.metadata.PackageNotFoundError):
             # another may be installed by now
             imported = sys.modules.get(package) if package != "rattle" else None
-            found[package] = (
+            named[package] = (
                 imported.__version__ if imported else importlib.metadata.version(package)
             )
-    return found
+    return named
 
 
 def _processor() -> str:
     """Model name of the processor."""
     with suppress(OSError):
-        said = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace")
-        if found := re.search(r"^model name\s*:\s*(.+)$", said, re.MULTILINE):
-            return found[1]
+        text = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace")
+        if model := re.search(r"^model name\s*:\s*(.+)$", text, re.MULTILINE):
+            return model[1]
     return platform.processor() or "unknown"
 
 

@@ -136,9 +136,9 @@ class Terms:
 
     def head(self, text: str, shown: Markup) -> Markup:
         """Mark the head of a column with the meanings of all terms in it."""
-        found = [self._meanings[match[1]] for match in self._pattern.finditer(text)]
-        found += [said for word, said in self._code.items() if word == text]
-        return HINT.format("; ".join(dict.fromkeys(found)), shown) if found else shown
+        meanings = [self._meanings[match[1]] for match in self._pattern.finditer(text)]
+        meanings += [said for word, said in self._code.items() if word == text]
+        return HINT.format("; ".join(dict.fromkeys(meanings)), shown) if meanings else shown
 
     def cell(self, text: str, shown: Markup) -> Markup:
         """Mark the cell of a table if it is a term."""
@@ -201,12 +201,22 @@ def make_environment(finalize: Callable[[Any], Any]) -> Environment:
 
 def render_sentences(template: str, **values: Any) -> list[str]:
     """The sentences of an answer; in its template an empty line stands between two of them."""
+    text = _render_plain(template, values)
+    return [line(sentence) for sentence in re.split(r"\n\s*\n", text) if sentence.strip()]
+
+
+def render_lines(template: str, **values: Any) -> list[str]:
+    """What a command prints, a line for each line of its template that is not empty."""
+    return [row for row in _render_plain(template, values).split("\n") if row.strip()]
+
+
+def _render_plain(template: str, values: Mapping[str, Any]) -> str:
+    """A template of plain text, in which nothing is escaped."""
     environment = make_environment(str)
     environment.autoescape = False
-    environment.filters["form"] = format
+    environment.filters |= {"form": format, "line": line}
     environment.tests["finite"] = math.isfinite
-    text = environment.get_template(template).render(values)
-    return [line(sentence) for sentence in re.split(r"\n\s*\n", text) if sentence.strip()]
+    return environment.get_template(template).render(values)
 
 
 def _unless_made(change: Callable[[str], Any]) -> Callable[[Any], Any]:

@@ -3,12 +3,13 @@ manifest."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
-
-import pandas as pd
-from matplotlib.figure import Figure
+from typing import TYPE_CHECKING, Any
 
 from rattle.scene import Scene
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
 
 
 @dataclass(frozen=True)
@@ -28,9 +29,9 @@ class Report:
     content: Mapping[str, Any]  # what the template of the page shows, by name
     words: Sequence[tuple[str, str]] = ()  # its glossary: each term and its meaning
     # by the name of their file without suffix; those that are drawn already are SVG
-    figures: Mapping[str, Figure | bytes] = field(default_factory=dict)
-    tables: Mapping[str, pd.DataFrame] = field(default_factory=dict)  # written as CSV
-    large: Mapping[str, pd.DataFrame] = field(default_factory=dict)  # written as Parquet
+    figures: "Mapping[str, Figure | bytes]" = field(default_factory=dict)
+    tables: "Mapping[str, pd.DataFrame]" = field(default_factory=dict)  # written as CSV
+    large: "Mapping[str, pd.DataFrame]" = field(default_factory=dict)  # written as Parquet
     digits: str | None = None  # of numbers in CSV; all of them if not given
     template: str = ""  # path within `rattle.compare`
     more: Mapping[str, str] = field(default_factory=dict)  # further facts on where it comes from

@@ -10,7 +10,7 @@ import pandas as pd
 
 from rattle.compare.report import style
 from rattle.compare.report.folder import MANIFEST, report_files, whole_folder
-from rattle.compare.report.json_text import json_text
+from rattle.compare.report.json_text import Facts, json_text
 from rattle.compare.report.manifest import seal
 from rattle.compare.report.render import write_page
 from rattle.compare.report.report import Report
@@ -40,7 +40,7 @@ def save(out: Path, report: Report, overwrite: bool) -> None:
         write_files(folder, report)
 
 
-def write_files(folder: Path, report: Report, digests: Sequence[str] = ()) -> dict[str, Any]:
+def write_files(folder: Path, report: Report, digests: Sequence[str] = ()) -> Facts:
     """Write figures, tables, page and manifest into a folder.
 
     `digests`: Files whose digests the manifest holds, as ``files``. Returns the manifest.

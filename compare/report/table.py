@@ -26,6 +26,18 @@ def leading_number(text: str) -> float | None:
     return float(found[0].replace(",", "")) if found else None
 
 
+def align_columns(rows: Sequence[Sequence[str]], alignment: str) -> list[str]:
+    """Rows of text as lines with aligned columns.
+
+    `alignment`: Of each column, ``<`` or ``>``.
+    """
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    return [
+        "  ".join(f"{c:{a}{w}}" for c, a, w in zip(row, alignment, widths, strict=True)).rstrip()
+        for row in rows
+    ]
+
+
 @dataclass(frozen=True)
 class TableCell:
     """A cell of a table."""
@@ -71,6 +83,8 @@ class Column:
         """The content of its cell in a row."""
         form = self.form or self.head
         content = form.format_map(row) if "{" in form else row[form]
+        if content == "nan":
+            content = NO_VALUE
         if self.kind == TEXT:
             return TableCell(str(content), row[self.mark] if self.mark else "")
         return TableCell(content, row[self.mark]) if self.mark else content

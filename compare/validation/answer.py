@@ -7,14 +7,22 @@ clock measured.
 
 import math
 from collections.abc import Iterable, Sequence
-from functools import partial
+from typing import Any
 
+import numpy as np
 import pandas as pd
 
 from rattle.closure import refusals
 from rattle.compare.judge.rows import BY_SIZE
-from rattle.compare.judge.verdict import JUDGED, in_words, join_words, span, unbroken
-from rattle.compare.report.texts import read_texts
+from rattle.compare.judge.verdict import (
+    JUDGED,
+    in_words,
+    join_words,
+    name_all,
+    span,
+    unbroken,
+)
+from rattle.compare.report.render import render_sentences
 from rattle.compare.validation import comparison
 from rattle.compare.validation.comparison import Comparison, Sweep
 from rattle.compare.validation.errors import HALF_OF_PATHS, SIMULATED, first_failure
@@ -36,46 +44,32 @@ def sigma_text(v: Comparison) -> str:
 
 
 def _largest_rho(validations: Sequence[Comparison], closure: str) -> float:
-    rows = (
-        v.correlation[v.correlation["closure"] == closure]["rho"].abs().max() for v in validations
-    )
-    return max((float(r) for r in rows if r == r), default=0.0)
+    rows = pd.concat([v.correlation for v in validations])
+    return float(np.fmax(rows[rows["closure"] == closure]["rho"].abs().max(), 0.0))
 
 
 def advice(validity: pd.DataFrame, impacts: int, speed: pd.DataFrame) -> str:
     """What to take for a gear pair at each noise intensity that was asked for, in one sentence."""
-    said = []
-    at = f"{impacts} impacts" if impacts > 1 else "the first impact"
+    takes = []
     for sigma, rows in validity.groupby("sigma", sort=False):
-        own = speed[(speed["sigma"] == sigma) & (speed["impacts"] == impacts)]
-        own = own.assign(timed=own["speed_up"].isna()).sort_values(["timed", "closure_seconds"])
-        slower = own["resolved"] & (own["speed_up"] < 1.0)
-        worth, dearer = ([f"`{c}`" for c in own[which]["closure"]] for which in (~slower, slower))
-        if worth:
-            timed = "" if not own["timed"].all() else "; its time is measured, and decides nothing"
-            said.append(
-                f"take {worth[0]} at σ = {sigma:.4g} (all means and sds at {at} are"
-                f" accurate{timed})"
-            )
-        else:
-            said.append(f"simulate at σ = {sigma:.4g} ({_none(rows, impacts, dearer)})")
-    return f"For this gear pair {'; '.join(said)}."
-
-
-def _none(rows: pd.DataFrame, impacts: int, dearer: list[str]) -> str:
-    """Why no closure is taken at a noise intensity; what is undecided must not be called wrong."""
-    if dearer:
-        takes = "is accurate, but takes" if len(dearer) == 1 else "are accurate, but take"
-        return f"{join_words(dearer)} {takes} more work than an equally accurate simulation"
-    undecided = [f"`{c}`" for c in rows[rows["not_inaccurate"] == impacts]["closure"]]
-    if undecided:
-        verb = "is" if len(undecided) == 1 else "are"
-        return f"{join_words(undecided)} {verb} undecided: more paths would settle it"
-    if impacts == 1:
-        return "no closure is accurate at the first impact"
-    best = rows.sort_values("accurate", ascending=False, kind="stable").iloc[0]
-    part = f", `{best['closure']}` at the first {best['accurate']}" if best["accurate"] > 0 else ""
-    return f"no closure is accurate at all {impacts} impacts{part}"
+        whole = speed.query("sigma == @sigma and impacts == @impacts")
+        timed = whole["speed_up"].isna()
+        whole = whole.assign(timed=timed).sort_values(["timed", "closure_seconds"])
+        slower = whole["resolved"] & (whole["speed_up"] < 1.0)
+        takes.append(
+            {
+                "sigma": sigma,
+                "worth": list(whole[~slower]["closure"]),
+                "slower": list(whole[slower]["closure"]),
+                "timed": timed.all(),
+                "undecided": list(rows[rows["not_inaccurate"] == impacts]["closure"]),
+                "best": rows.sort_values("accurate", ascending=False, kind="stable").iloc[0],
+            }
+        )
+    (sentence,) = render_sentences(
+        "validation/advice.j2", takes=takes, impacts=impacts, names=name_all
+    )
+    return sentence
 
 
 def cost_sentence(
@@ -89,35 +83,33 @@ def cost_sentence(
 
     `duration`: How long the motion is in physical units, as "the first 24 ms", if that is known.
     """
-    number = f"{impacts} impact{'s' if impacts > 1 else ''}"
-    motion = f" ({duration})" if duration else ""
-    schemes = sorted(set(simulation["scheme"]) - {"exact-flight"})  # which `rattle simulate` takes
-    by = f" by {join_words(schemes)}" if schemes else ""
-    what = f"{number}{motion}{by} to {comparison.WANTED:.0%} of an sd"
-    each = [
-        f"{duration_text(row['core_seconds'], 2)} at σ = {row['sigma']:.4g}"
-        f" ({_paths(row['paths'], row['branches'])})"
-        for row in simulation.to_dict("records")
-    ]
-    whole = speed[speed["impacts"] == impacts]
-    said = (
-        f"Nominal time on one core, from counted work: a simulation of {what} takes"
-        f" {join_words(each)}"
-    )
-    timed = whole["speed_up"].isna()
-    for rows, prefix in (
-        (whole[~timed], "; "),
-        (whole[timed], "; measured on this machine, not counted: "),
-    ):
-        longest = rows.groupby("closure", sort=False)["closure_seconds"].max()
-        times = [f"`{name}` {duration_text(seconds, 2)}" for name, seconds in longest.items()]
-        said += f"{prefix}{join_words(times)}" if times else ""
+    at = speed["impacts"] == impacts
+    longest = speed[at].groupby("closure", sort=False)["closure_seconds"].max()
+    measured = longest.index.isin(speed[at & speed["speed_up"].isna()]["closure"])
+    cheaper: dict[object, list[str]] = {}
     if over is not None:
-        slower = over[over["resolved"] & (over["speed_up"] < 1.0) & (over["impacts"] == impacts)]
-        for closure, rows in slower.groupby("closure", sort=False):
-            at = join_words([f"{sigma:.4g}" for sigma in rows["sigma"]])
-            said += f"; at σ = {at} an equally accurate simulation takes less than `{closure}`"
-    return f"{said}."
+        slower = over["resolved"] & (over["speed_up"] < 1.0) & (over["impacts"] == impacts)
+        for closure, sigmas in over[slower].groupby("closure", sort=False)["sigma"]:
+            cheaper[closure] = [f"{sigma:.4g}" for sigma in sigmas]
+    (sentence,) = render_sentences(
+        "validation/cost.j2",
+        impacts=impacts,
+        motion=duration,
+        # exact flights are what `rattle simulate` takes
+        schemes=sorted(set(simulation["scheme"]) - {"exact-flight"}),
+        wanted=comparison.WANTED,
+        simulations=[
+            f"{duration_text(row['core_seconds'], 2)} at σ = {row['sigma']:.4g}"
+            f" ({_paths(row['paths'], row['branches'])})"
+            for row in simulation.to_dict("records")
+        ],
+        counted=longest[~measured].to_dict(),
+        measured=longest[measured].to_dict(),
+        cheaper=cheaper,
+        duration=duration_text,
+        join=join_words,
+    )
+    return sentence
 
 
 def _paths(paths: float, branches: int) -> str:
@@ -133,7 +125,7 @@ def _paths(paths: float, branches: int) -> str:
 
 def validity_sentence(validity: pd.DataFrame, impacts: int) -> str:
     """Up to which noise intensity each closure is accurate at all impacts, in one sentence."""
-    found: dict[str, list[str]] = {}  # closures by the phrase for their range of validity
+    closures_by_phrase: dict[str, list[str]] = {}
     for closure, rows in validity.groupby("closure", sort=False):
         at = rows.sort_values("sigma").set_index("sigma")
         accurate, not_wrong = (
@@ -143,8 +135,8 @@ def validity_sentence(validity: pd.DataFrame, impacts: int) -> str:
         ended = bool((at[at["not_inaccurate"] < impacts]["cause"][:1] == "ended").any())
         exact = at.index[at["accurate"] == impacts]
         phrase = in_words("σ", list(at.index), accurate, not_wrong, ended=ended, exact=exact)
-        found.setdefault(phrase, []).append(f"`{closure}`")
-    shares = [f"{join_words(closures)}: {said}" for said, closures in found.items()]
+        closures_by_phrase.setdefault(phrase, []).append(str(closure))
+    shares = [f"{name_all(names)}: {phrase}" for phrase, names in closures_by_phrase.items()]
     sigmas = validity["sigma"]
     return (
         f"Range of validity, for every section mean and sd{SECTION_EXPLAINED}"
@@ -156,39 +148,25 @@ def validity_sentence(validity: pd.DataFrame, impacts: int) -> str:
 def itinerary_sentence(validity: pd.DataFrame, impacts: int) -> list[str]:
     """What each closure is worth on its itinerary, and over all paths, in one sentence; and where
     there is no bulk."""
-    said = []
-    alone = validity["sigma"].nunique() == 1
+    reaches = {}
     for closure, rows in validity.groupby("closure", sort=False):
         at = rows.sort_values("sigma").set_index("sigma")
-        on, every = (
+        on, all_paths = (
             unbroken(at.index, at[name] == impacts) for name in ("itinerary_accurate", "accurate")
         )
         if on is not None:
-            reach = "" if alone else f" up to σ = {on:.4g}"
-            together = (
-                "it is not" if every is None else "it is too" if alone else f"up to σ = {every:.4g}"
-            )
-            share = f"On the itinerary, which {_all_but(float(at['leaving'].loc[on]))} paths follow"
-            said.append(f"{share}, `{closure}` is accurate{reach}; all paths together: {together}.")
+            leaving = float(at["leaving"].loc[on])
+            reaches[closure] = {"sigma": on, "all_paths": all_paths, "leaving": leaving}
     least = validity.groupby("sigma")["leaving"].min()
-    lost = least.index[least > 1.0 - HALF_OF_PATHS]
-    if len(lost):
-        where = "F" if alone else f"At σ = {join_words([f'{sigma:.4g}' for sigma in lost])} f"
-        said.append(
-            f"{where}ewer than half of the paths follow any closure's itinerary to the last impact:"
-            " where fewer than half do, only all paths together are judged."
-        )
-    return [" ".join(said)] if said else []
-
-
-def _all_but(probability: float) -> str:
-    """How many paths follow, in words: all but a small share."""
-    if not probability >= SMALLEST:
-        return "all but fewer than one in a billion"
-    if probability >= 1e-3:
-        return f"all but {percent(probability)} of the"
-    per, name = (1e6, "a million") if probability >= 1e-6 else (1e9, "a billion")
-    return f"all but {float(f'{probability * per:.2g}'):g} in {name}"
+    return render_sentences(
+        "validation/itinerary.j2",
+        reaches=reaches,
+        lost=[f"{sigma:.4g}" for sigma in least.index[least > 1.0 - HALF_OF_PATHS]],
+        alone=len(least) == 1,
+        smallest=SMALLEST,
+        percent=percent,
+        join=join_words,
+    )
 
 
 UNFINISHED = (
@@ -229,132 +207,90 @@ def answer(validations: Sequence[Comparison], swept: Sweep | None = None) -> lis
     units), where paths leave the itinerary, and where closures cannot be applied to the scene.
     """
     first = validations[0]
-    impacts = validations[0].run.impacts
-    broken = []
-    realizable = []
+    impacts = first.run.impacts
+    impossible = []
+    possible = []
     for closure in first.predictions:
-        failures = [(v, f) for v in validations if (f := first_failure(v.correlation, closure))]
+        failures = [
+            (closure, sigma_text(v), failure)
+            for v in validations
+            if (failure := first_failure(v.correlation, closure))
+        ]
         if failures:
-            v, (impact, stage, why) = failures[-1]
-            where = f"from impact {impact} on (at σ = {sigma_text(v)}, stage {stage}: {why})"
-            broken.append(f"the moments of `{closure}` are impossible {where}")
+            impossible.append(failures[-1])
         # a mixture always is, and not there
         elif any(closure in set(v.correlation["closure"]) for v in validations):
-            realizable.append(f"`{closure}`")
-    if realizable:
-        broken.append(f"the moments of {join_words(realizable)} stay possible")
+            possible.append(closure)
+    shares = [max(v.run.agreement[name].iloc[-1] for name in v.predictions) for v in validations]
+    raised: dict[str, list[str]] = {}
+    for v in validations:
+        for closure, why in v.failed.items():
+            raised.setdefault(f"`{closure}` {why}", []).append(sigma_text(v))
+    sentences = render_sentences(
+        "validation/answer.j2",
+        explained="" if swept else SECTION_EXPLAINED,
+        impacts=impacts,
+        within=first.tolerances,
+        moments=[(sigma_text(v), _count_moments(v)) for v in validations],
+        by_size=[(sigma_text(v), counts) for v in validations if (counts := _count_by_size(v))],
+        BY_SIZE=BY_SIZE,
+        impossible=impossible,
+        possible=possible,
+        largest_rho=_largest_rho(validations, SIMULATED),
+        last=len(first.run.section),
+        shares=[
+            (sigma_text(v), share)
+            for v, share in zip(validations, shares, strict=True)
+            if share < 1.0
+        ],
+        raised=raised,
+        names=name_all,
+        join=join_words,
+    )
     speed = comparison.measure_speeds(validations)
     over = swept.speed if swept else None
     validity = comparison.find_validities(validations)
+    costs = comparison.simulation_costs(validations)
     transient = describe_transient(first.scene)
     return [
         *([transient] if transient else []),
         advice(validity, impacts, speed),
         *([validity_sentence(swept.validity, impacts)] if swept else []),
         *itinerary_sentence(swept.validity if swept else validity, impacts),
-        cost_sentence(
-            comparison.simulation_costs(validations), speed, impacts, duration_words(first), over
-        ),
+        cost_sentence(costs, speed, impacts, duration_words(first), over),
         *motion_sentence(validations),
-        (
-            f"Accurate section moments{'' if swept else SECTION_EXPLAINED}"
-            " among those that a closure"
-            f" predicts over {impacts} impacts (within {first.tolerances.mean:.0%} of an sd for"
-            f" means and {first.tolerances.sd:.0%} for sds, with the whole interval):"
-            f" {'; '.join(map(_shares, validations))}."
-        ),
-        *by_size_sentence(validations),
-        (
-            f"Correlation of position and velocity: {'; '.join(broken)}; in the simulation |ρ|"
-            f" never exceeds {_largest_rho(validations, SIMULATED):.4f}."
-        ),
-        *_agreement(validations),
-        *_failures(validations),
+        *sentences,
         *explain_missing(first.scene, first.predictions),
         *([UNSEARCHED] if first.scene.correlation_time else []),
     ]
 
 
-def _shares(v: Comparison) -> str:
-    """How many section moments of each closure are accurate."""
-    each = []
-    for closure in v.predictions:
-        good, bad, undecided = (
-            (v.section_rows(closure)["verdict"] == verdict).sum() for verdict in JUDGED
-        )
-        beside = f" ({undecided} undecided)" if undecided else ""
-        each.append(f"`{closure}` {good} of {good + bad + undecided}{beside}")
-    return f"at σ = {sigma_text(v)} {join_words(each)}"
+def _count_moments(v: Comparison) -> dict[str, dict[Any, int]]:
+    """How many section moments of each closure have which verdict."""
+    none: dict[Any, int] = dict.fromkeys(JUDGED, 0)
+    verdicts = {closure: v.section_rows(closure)["verdict"] for closure in v.predictions}
+    return {name: none | column.value_counts().to_dict() for name, column in verdicts.items()}
 
 
-def _failures(validations: Sequence[Comparison]) -> list[str]:
-    """Which closures of one's own raised an exception, at which noise intensities, and what it
-    said."""
-    said: dict[str, list[str]] = {}
-    for v in validations:
-        for closure, why in v.failed.items():
-            said.setdefault(f"`{closure}` {why}", []).append(sigma_text(v))
-    return [
-        f"At σ = {join_words(sigmas)} {what}; its rows are not predicted."
-        for what, sigmas in said.items()
-    ]
-
-
-def _agreement(validations: Sequence[Comparison]) -> list[str]:
-    """How many paths have left the closures' itineraries, where some have."""
-    impacts = len(validations[0].run.section)
-    shares = []
-    for v in validations:
-        best = max(v.run.agreement[name].iloc[-1] for name in v.predictions)
-        if best < 1.0:
-            shares.append(
-                f"{f'{best:.1%}' if best < 0.9995 else f'{100.0 * best:.6g}%'} at σ ="
-                f" {sigma_text(v)}"
-            )
-    said = f"After {impacts} impacts the share of paths that still follow a closure's itinerary is "
-    others = "a closure along a single orbit says nothing about the others."
-    return [f"{said}{join_words(shares)}: {others}"] if shares else []
-
-
-def by_size_sentence(validations: Sequence[Comparison]) -> list[str]:
-    """How many verdicts of each closure rest on the size of what does not vary, in one sentence or
-    none."""
-    rows = pd.concat([v.of_all_paths.assign(sigma=sigma_text(v)) for v in validations])
-    rows = rows[rows["remark"] == BY_SIZE]
-    shares = [
-        f"at σ = {sigma} " + join_words([f"`{closure}` {n}" for closure, n in counts.items()])
-        for sigma, counts in (
-            (sigma, closures.value_counts(sort=False))
-            for sigma, closures in rows.groupby("sigma", sort=False)["closure"]
-        )
-    ]
-    return [f"Moments not measured in sds ({BY_SIZE}): {'; '.join(shares)}."] if shares else []
+def _count_by_size(v: Comparison) -> dict[Any, int]:
+    """How many verdicts of each closure rest on the size of what does not vary."""
+    rows = v.of_all_paths.query("remark == @BY_SIZE")
+    return rows["closure"].value_counts(sort=False).to_dict()
 
 
 def correlation_claim(validations: Sequence[Comparison]) -> str:
     """The paper's argument that the density is not Gaussian because |rho| may exceed 1, compared
     with the evidence."""
-    if (
-        "published" not in validations[0].predictions
-        or "corrected" not in validations[0].predictions
-    ):
+    if not {"published", "corrected"} <= validations[0].predictions.keys():
         return ""
-    evidence = []
-    for v in validations:
-        rows = v.correlation[
-            (v.correlation["closure"] == "published") & ~v.correlation["realizable"]
-        ]
-        impacts = rows["impact"]
-        beyond = rows["rho"].abs().max()
-        excess = f", |ρ| up to {beyond:.3g}" if beyond > 1.0 else ""
-        where = (
-            f"at {impacts.nunique()} impacts, the first being {impacts.min()}{excess}"
-            if len(rows)
-            else "nowhere"
-        )
-        evidence.append(f"at σ = {sigma_text(v)} {where}")
-    texts = read_texts("validation")
-    largest = partial(_largest_rho, validations)
-    rule = texts["one_stage" if validations[0].scene.stages == 1 else "two_stages"]
-    sizes = {"corrected": largest("corrected"), "simulated": largest(SIMULATED)}
-    return str(texts["claim"].format(evidence="; ".join(evidence), rule=rule, **sizes))
+    (paragraph,) = render_sentences(
+        "validation/claim.j2",
+        evidence=[
+            (sigma_text(v), v.correlation.query("closure == 'published' and not realizable"))
+            for v in validations
+        ],
+        stages=validations[0].scene.stages,
+        corrected=_largest_rho(validations, "corrected"),
+        simulated=_largest_rho(validations, SIMULATED),
+    )
+    return paragraph

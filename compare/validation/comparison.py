@@ -10,6 +10,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from operator import attrgetter
 from typing import NamedTuple
 
 import numpy as np
@@ -19,6 +20,7 @@ from rattle.closure import MeanMap
 from rattle.closure.closure import RAISED
 from rattle.closure.mean_map import closure_seconds, predict
 from rattle.compare.judge.result import Verdicts
+from rattle.compare.judge.rows import PREFIX
 from rattle.compare.judge.verdict import (
     Tolerances,
     Verdict,
@@ -96,13 +98,13 @@ class Comparison(Verdicts):
         """Probability of having left a closure's itinerary by its last impact, with a 95 %
         interval."""
         run = self.run
-        own = run.plan.itineraries[closure]
-        impacts = int(np.count_nonzero(own))
+        itinerary = run.plan.itineraries[closure]
+        impacts = int(np.count_nonzero(itinerary))
         if impacts == 0:  # nothing to follow
             return 1.0, 1.0, 1.0
         if not is_random(run.scene):
             return 0.0, 0.0, 0.0
-        noise_free = begins(own, run.plan.itineraries[NOISE_FREE])
+        noise_free = begins(itinerary, run.plan.itineraries[NOISE_FREE])
         if not noise_free or run.paths * expect_leaving(run, impacts) >= ENOUGH_EXITS:
             left = run.paths * (1.0 - float(run.agreement[closure].loc[impacts]))
             low, high = interval(left, left, 1.0)
@@ -111,9 +113,11 @@ class Comparison(Verdicts):
         if rows.empty:
             return 0.0, 0.0, interval(0.0, 0.0, 1.0 / run.paths)[1]
         # mean weight of a path
-        each = (rows["probability"] / rows["paths"]).fillna(1.0 / run.paths)
+        weight = (rows["probability"] / rows["paths"]).fillna(1.0 / run.paths)
         total = float(rows["probability"].sum())
-        low, high = interval(total, float((rows["probability"] * each).sum()), float(each.max()))
+        low, high = interval(
+            total, float((rows["probability"] * weight).sum()), float(weight.max())
+        )
         return min(total, 1.0), low, min(high, 1.0)
 
 
@@ -176,7 +180,8 @@ def find_validity(v: Comparison, closure: str) -> Validity:
         why = f"{want(rows)} from impact {accurate + 1} on"
     else:
         cause, why = _why(v, closure, not_inaccurate + 1)
-    found = (
+    followers = rows_to_judge(v, closure, ON_ITINERARY)
+    return Validity(
         closure,
         v.scene.sigma,
         accurate,
@@ -186,24 +191,22 @@ def find_validity(v: Comparison, closure: str) -> Validity:
         on_itinerary,
         v.run.paths,
         v.run.dt,
-    )
-    return Validity(
-        *found, *_reach(rows_to_judge(v, closure, ON_ITINERARY), impacts), *v.leaving(closure)
+        *_reach(followers, impacts),
+        *v.leaving(closure),
     )
 
 
 def _reach(rows: pd.DataFrame, impacts: range) -> tuple[int, int]:
     """The last impacts up to which all rows are accurate, and none is inaccurate."""
-    verdicts = {k: set[str]() for k in impacts} | {
-        k: set(group["verdict"]) for k, group in rows.groupby("impact")
-    }
-    accurate = unbroken(impacts, [is_accurate(verdicts[k]) for k in impacts]) or 0
-    return accurate, unbroken(impacts, [not is_inaccurate(verdicts[k]) for k in impacts]) or 0
+    by_impact = rows.groupby("impact")["verdict"].agg(set)
+    verdicts = [by_impact.get(impact, set()) for impact in impacts]
+    accurate = unbroken(impacts, map(is_accurate, verdicts)) or 0
+    return accurate, unbroken(impacts, [not is_inaccurate(found) for found in verdicts]) or 0
 
 
 def find_validities(validations: Sequence[Comparison]) -> pd.DataFrame:
     """Ranges of validity of all closures at all noise intensities."""
-    return pd.DataFrame([found for v in validations for found in v.validity.values()])
+    return pd.DataFrame([validity for v in validations for validity in v.validity.values()])
 
 
 def rows_to_judge(v: Comparison, closure: str, kind: str = "section") -> pd.DataFrame:
@@ -217,34 +220,32 @@ def _why(v: Comparison, closure: str, impact: int) -> tuple[str, str]:
     """Why a closure is not accurate at an impact: cause and evidence; of several causes the first
     in this order."""
     prediction = v.predictions[closure]
-    failed = first_failure(v.correlation, closure)
-    if failed and failed[0] <= impact:
-        return "not realizable", f"not realizable at impact {failed[0]}: {failed[2]}"
+    failed, _, reason = first_failure(v.correlation, closure) or (math.inf, 0, "")
+    if failed <= impact:
+        return "not realizable", f"not realizable at impact {failed}: {reason}"
     if prediction.trace.found < impact:
         return "ended", prediction.stopped
     worst = _worst(v, closure, impact)
     if prediction.trace.parts is not None:
+        why = f"{worst}: {CAUSES['mixture']}"
         lost = float(prediction.section["discarded"].loc[impact])
-        and_lost = (
-            f", and {lost:.1%} of the probability was discarded so far" if lost >= 5e-4 else ""
-        )
-        return "mixture", f"{worst}: {CAUSES['mixture']}{and_lost}"
+        if lost >= 5e-4:
+            why += f", and {lost:.1%} of the probability was discarded so far"
+        return "mixture", why
     agreement = float(v.run.agreement[closure].loc[impact])
     limit = prediction.method.limit
     if agreement < (OFF_ITINERARY if limit == "second order" else DIVERGED):
         return "off itinerary", f"{worst}: {1.0 - agreement:.2%} of the {CAUSES['off itinerary']}"
-    slow = _slowest(prediction, impact)
-    if slow is not None:
-        return (
-            "grazing",
-            f"{worst}: impact {slow[0]} grazes (its mean speed is {slow[1]:.1f} of its sds)",
-        )
+    if slow := _slowest(prediction, impact):
+        number, speed = slow
+        why = f"impact {number} grazes (its mean speed is {speed:.1f} of its sds)"
+        return "grazing", f"{worst}: {why}"
     return limit, f"{worst}{', at any noise' if limit == 'fixed time' else ''}: {CAUSES[limit]}"
 
 
 def _worst(v: Comparison, closure: str, impact: int) -> str:
     rows = rows_to_judge(v, closure)
-    rows = rows[(rows["impact"] == impact) & (rows["verdict"] == Verdict.INACCURATE)]
+    rows = rows.query("impact == @impact and verdict == 'inaccurate'")
     if rows.empty:
         return f"nothing to compare at impact {impact}"
     row = rows.iloc[int((rows["error"] / rows["tolerance"]).abs().argmax())]
@@ -254,17 +255,15 @@ def _worst(v: Comparison, closure: str, impact: int) -> str:
 def _slowest(prediction: MeanMap, impact: int) -> tuple[int, float] | None:
     """The first impact up to a given one whose mean speed is below `SLOW_SPEED` of its own sds, and
     that ratio."""
-    each = range(1, impact + 1)
-    column = np.where(prediction.trace.mesh[each] == 1, 1, 3)
-    speed = np.abs(prediction.trace.mean[each, column])
-    sd = prediction.trace.sd[each, column + 2]
+    numbers = range(1, impact + 1)
+    column = np.where(prediction.trace.mesh[numbers] == 1, 1, 3)
+    speed = np.abs(prediction.trace.mean[numbers, column])
+    sd = prediction.trace.sd[numbers, column + 2]
     slow = np.flatnonzero((speed < SLOW_SPEED * sd) & (SLOW_SPEED * sd < np.inf))
     return (int(slow[0]) + 1, float(speed[slow[0]] / sd[slow[0]])) if slow.size else None
 
 
 WANTED = 0.01  # accuracy, in sds, for which the cost of a simulation is stated
-# column of the standard error of a moment, before its quantity
-SE = {"mean": "se_", "sd": "se_sd_"}
 
 
 class Speed(NamedTuple):
@@ -295,26 +294,25 @@ def paths_for(rows: pd.DataFrame, error: float) -> int:
     `rows`: A row for each moment: ``unit``, the sd of its quantity, and ``se``, its standard error
     for a single path.
     """
-    return math.ceil(
-        round(float(((widest(len(rows)) * rows["se"] / (error * rows["unit"])) ** 2).max()), 6)
-    )
+    half = widest(len(rows)) * rows["se"]
+    return math.ceil(round(float(((half / (error * rows["unit"])) ** 2).max()), 6))
 
 
 def simulation_costs(validations: Sequence[Comparison]) -> pd.DataFrame:
     """What `rattle.montecarlo.simulate_to` takes to an accuracy of `WANTED` with the scheme of each
     validation."""
-    found = [(v, v.foresee(WANTED).at(WANTED)) for v in validations]
     return pd.DataFrame(
-        [{"sigma": v.scene.sigma, "impacts": v.run.impacts, **cost._asdict()} for v, cost in found]
+        {"sigma": v.scene.sigma, "impacts": v.run.impacts} | v.foresee(WANTED).at(WANTED)._asdict()
+        for v in validations
     )
 
 
 def measure_speeds(validations: Sequence[Comparison]) -> pd.DataFrame:
     """`measure_speed` of every closure of some validations that is accurate at the first impact."""
-    found = [
+    speeds = [
         s for v in validations for closure in v.predictions if (s := measure_speed(v, closure))
     ]
-    return pd.DataFrame(found, columns=list(Speed._fields))
+    return pd.DataFrame(speeds, columns=list(Speed._fields))
 
 
 def measure_speed(v: Comparison, closure: str) -> Speed | None:
@@ -323,39 +321,30 @@ def measure_speed(v: Comparison, closure: str) -> Speed | None:
     reached = v.validity[closure].accurate
     prediction = v.predictions[closure]
     rows = rows_to_judge(v, closure)
-    rows = rows[
-        (rows["impact"] <= reached)
-        & (rows["unit"] > 0.0)
-        & (rows["verdict"] != Verdict.NOT_PREDICTED)
-    ]
+    rows = rows.query("impact <= @reached and unit > 0.0 and verdict != 'not predicted'")
     if rows.empty:
         return None
     errors = rows["error"].abs() / rows["unit"]
-    worst = rows.iloc[int(errors.argmax())]
+    worst = float(errors.max())
+    row = rows.iloc[int(errors.argmax())]
     own = prediction.method.own
     if own:  # again: its first call may have compiled something
         prediction = predict(v.scene, prediction.method, reached, prediction.order)
-    costs = [
-        _cost_of_rows(run, rows, float(errors.max()))
-        for run in (v.run, v.foresee(float(errors.max())).run)
-    ]
-    cheapest = min(costs, key=lambda cost: cost.core_seconds)
+    costs = [_cost_of_rows(run, rows, worst) for run in (v.run, v.foresee(worst).run)]
+    cheapest = min(costs, key=attrgetter("core_seconds"))
     seconds = closure_seconds(prediction, reached)
     cost = cheapest.core_seconds * reached / v.run.impacts
-    size = (
-        float(errors.max()),
-        float(errors.median()),
-        bool(worst["low"] > 0.0 or worst["high"] < 0.0),
-    )
     return Speed(
         closure,
         v.scene.sigma,
         reached,
-        *size,
-        seconds,
-        cheapest.paths,
-        cost,
-        math.nan if own else cost / seconds,
+        worst,
+        median=float(errors.median()),
+        resolved=bool(row["low"] > 0.0 or row["high"] < 0.0),
+        closure_seconds=seconds,
+        paths=cheapest.paths,
+        simulation_seconds=cost,
+        speed_up=math.nan if own else cost / seconds,
     )
 
 
@@ -363,5 +352,7 @@ def _cost_of_rows(run: Ensemble, rows: pd.DataFrame, error: float) -> Candidate:
     """Work of paths like those of a run with which none of some rows is off by more than
     `error`."""
     at = rows[["moment", "quantity", "impact"]].itertuples(index=False)
-    se = [run.columns[SE[moment] + quantity][impact - 1] for moment, quantity, impact in at]
+    se = [
+        run.columns[f"se_{PREFIX[moment]}{quantity}"][impact - 1] for moment, quantity, impact in at
+    ]
     return cost_of(run, paths_for(rows.assign(se=np.array(se) * math.sqrt(run.paths)), error))

@@ -4,7 +4,6 @@ verdicts."""
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -242,7 +241,7 @@ def judge_correlation(predictions: list[MeanMap], run: Ensemble, flights: Ints) 
     (fixed times,).
     """
     stages = range(1, run.scene.stages + 1)
-    found = [
+    rows = [
         (prediction.closure, impact, stage, *prediction.stage_realizability(impact, stage))
         for prediction in predictions
         # a mixture describes paths at their own impacts: no perturbation, no moments
@@ -253,10 +252,10 @@ def judge_correlation(predictions: list[MeanMap], run: Ensemble, flights: Ints) 
     for impact, (_, row) in zip(flights, run.at_times().iterrows(), strict=True):
         for stage in stages:
             xx, xy, yy = (row[f"cov_{a}{stage}_{b}{stage}"] for a, b in ("xx", "xy", "yy"))
-            found.append(
+            rows.append(
                 (SIMULATED, int(impact), stage, *realizability(np.array([[xx, xy], [xy, yy]])))
             )
-    table = pd.DataFrame(found, columns=["closure", "impact", "stage", *Realizability._fields])
+    table = pd.DataFrame(rows, columns=["closure", "impact", "stage", *Realizability._fields])
     table = table.astype({"realizable": bool})
     known = table[["variance_x", "variance_y", "rho"]].notna().any(axis=1)
     return table.loc[known | ~table["realizable"], RHO_COLUMNS].reset_index(drop=True)
@@ -265,10 +264,8 @@ def judge_correlation(predictions: list[MeanMap], run: Ensemble, flights: Ints) 
 def first_failure(table: pd.DataFrame, closure: str) -> tuple[int, int, str] | None:
     """The first impact, and there the first stage, at which a closure's second moments are not
     realizable."""
-    failed = table[(table["closure"] == closure) & ~table["realizable"]].sort_values(
-        ["impact", "stage"]
-    )
-    rows = failed[["impact", "stage", "reason"]].itertuples(index=False, name=None)
+    failed = table.query("closure == @closure and not realizable")[["impact", "stage", "reason"]]
+    rows = failed.sort_values(["impact", "stage"]).itertuples(index=False, name=None)
     return next(rows, None)
 
 
@@ -289,48 +286,43 @@ def mid_flight_errors(
     fixed = run.at_times()
     reached = fixed.index.to_numpy(float)
     predicted, remark = _at_times(prediction, reached[reached <= prediction.trace.span[1]])
-    common: dict[str, Any] = {
-        "closure": prediction.closure,
-        "kind": "fixed time",
-        "moment": "rho",
-        "unit": 1.0,
-    }
-    common |= {
-        "impact": flights,
-        "time": fixed.index,
-        "tolerance": tolerances.rho,
-        "paths": run.paths,
-    }
-    common["agreement"] = run.agreement[prediction.closure].to_numpy()[flights - 1]
     late = np.r_[False, run.lateness.any(axis=1)][flights - 1]  # at the start of each flight
     parts = []
     for stage in range(1, run.scene.stages + 1):
         rho = fixed[f"rho{stage}"]
+        value = predicted[f"rho{stage}"].reindex(fixed.index)
         fisher = each(math.atanh, rho.clip(-1.0 + 1e-15, 1.0 - 1e-15))
         half = half_width(run.paths, float(ndtr(-z))) * fixed[f"se_z_rho{stage}"]
         bias = fixed.get(f"coarse_rho{stage}", rho) - rho
         rest = bias.abs().where(~late, LARGEST_DIFFERENCE)
-        value = predicted[f"rho{stage}"].reindex(fixed.index)
-        low = value - each(math.tanh, fisher + half) - rest
-        high = value - each(math.tanh, fisher - half) + rest
-        own: dict[str, Any] = {
-            "quantity": f"rho{stage}",
-            "predicted": value,
-            "simulated": rho,
-            "error": value - rho,
-        }
-        own |= {
-            "se": fixed[f"se_rho{stage}"],
-            "bias": bias,
-            "rest": rest,
-            "low": low,
-            "high": high,
-        }
-        own |= {"noise": 0.5 * (high - low) - rest}
         few = half.isna() & value.notna() & rho.notna()
-        own["remark"] = np.select([few, late], [TOO_FEW_FOR_INTERVAL, BY_STEP], remark)
-        parts.append(pd.DataFrame(common | own))
-    return judge(pd.concat(parts, ignore_index=True))
+        part = pd.DataFrame(
+            {
+                "time": fixed.index,
+                "impact": flights,
+                "agreement": run.agreement[prediction.closure].to_numpy()[flights - 1],
+                "quantity": f"rho{stage}",
+                "predicted": value,
+                "simulated": rho,
+                "error": value - rho,
+                "se": fixed[f"se_rho{stage}"],
+                "bias": bias,
+                "rest": rest,
+                "low": value - each(math.tanh, fisher + half) - rest,
+                "high": value - each(math.tanh, fisher - half) + rest,
+                "remark": np.select([few, late], [TOO_FEW_FOR_INTERVAL, BY_STEP], remark),
+            }
+        )
+        parts.append(part.assign(noise=0.5 * (part["high"] - part["low"]) - rest))
+    table = pd.concat(parts, ignore_index=True).assign(
+        closure=prediction.closure,
+        kind="fixed time",
+        moment="rho",
+        unit=1.0,
+        tolerance=tolerances.rho,
+        paths=run.paths,
+    )
+    return judge(table)
 
 
 def _at_times(prediction: MeanMap, times: Floats) -> tuple[pd.DataFrame, str]:

@@ -19,6 +19,7 @@ from rattle.compare.report.style import (
     FORBIDDEN,
     STYLE,
     SYMBOL,
+    VALUE_LABELS,
     legend_above,
     new_figure,
     whole_impacts,
@@ -29,6 +30,7 @@ from rattle.scene import Scene
 
 # the outermost bins of a histogram that are drawn have at least this share of the highest
 VISIBLE = 2e-3
+LARGEST_RHO = 1.9  # correlations beyond it are drawn at the edge
 
 
 def error_figure(v: Comparison) -> Figure:
@@ -42,13 +44,11 @@ def error_figure(v: Comparison) -> Figure:
     )
     panels = [(moment, quantity) for moment in ("mean", "sd") for quantity in quantities]
     section = section.assign(at=section["impact"])
-    for ax, (moment, quantity) in zip(axes, panels, strict=True):
-        here = section[(section["quantity"] == quantity) & (section["moment"] == moment)]
-        error_panel(ax, here, v.closure_names, getattr(v.tolerances, moment), accurate)
-        ax.set(xlim=(0.5, len(v.run.section) + 0.5), xlabel="impact")
+    for ax, panel in zip(axes, panels, strict=True):
+        error_panel(ax, section, panel, v.closure_names, v.tolerances, accurate)
+        unit = "error / sd of the quantity" if panel[1] == "tau" else ""
+        ax.set(xlim=(0.5, len(v.run.section) + 0.5), xlabel="impact", ylabel=unit)
         whole_impacts(ax)
-        ax.set_title(f"{moment} of {SYMBOL[quantity]}", loc="left")
-        ax.set_ylabel("error / sd of the quantity" if quantity == "tau" else "")
     legend_above(figure, axes, 5)
     return figure
 
@@ -67,55 +67,60 @@ def correlation_figure(v: Comparison) -> Figure | None:
         return None
     stages = range(1, v.scene.stages + 1)
     figure, axes = new_figure(5.2 * len(stages), 3.9, 1, len(stages))
-    limit = 1.9
-    impossible = r"impossible: $|\rho| > 1$"
+    mid_flight = v.table[v.table["kind"] == "fixed time"]
     for stage, ax in zip(stages, axes, strict=True):
         for sign in (-1.0, 1.0):
-            ax.axhspan(sign, sign * limit, color=FORBIDDEN, alpha=0.22, lw=0, label=impossible)
+            impossible = r"impossible: $|\rho| > 1$"
+            edge = sign * LARGEST_RHO
+            ax.axhspan(sign, edge, color=FORBIDDEN, alpha=0.22, lw=0, label=impossible)
+        before = v.correlation[v.correlation["stage"] == stage]
         for closure, shift in offsets(closures).items():
-            rows = v.correlation[
-                (v.correlation["closure"] == closure) & (v.correlation["stage"] == stage)
-            ]
-            at = rows["impact"] + shift
-            rho = rows["rho"].clip(-limit + 0.12, limit - 0.12)
-            if rho.notna().any():
-                ax.plot(
-                    at, rho, ls="none", ms=5, label=f"{closure}, before impact", **STYLE[closure]
-                )
-            broken = at[rows["rho"].isna() & ~rows["realizable"]]
-            if len(broken):
-                crosses = {
-                    "marker": "x",
-                    "color": STYLE[closure]["color"],
-                    "label": f"{closure}: negative variance",
-                }
-                ax.plot(
-                    broken, np.full(len(broken), limit - 0.25), ls="none", ms=6, mew=1.6, **crosses
-                )
-        fixed = v.table[(v.table["kind"] == "fixed time") & (v.table["quantity"] == f"rho{stage}")]
-        for name, rows in fixed.dropna(subset=["predicted"]).groupby("closure", sort=False):
-            rho = rows["predicted"].clip(-limit, limit)
-            style = {"mfc": "none", **STYLE[str(name)]}
-            ax.plot(
-                rows["impact"] - 0.5, rho, ls="none", ms=5, label=f"{name}, mid-flight", **style
-            )
-        rows = fixed[fixed["closure"] == closures[0]]
-        if len(rows):
-            low = rows["predicted"] - rows["high"]
-            high = rows["predicted"] - rows["low"]
-            known = rows["predicted"].notna()
-            mean = rows["simulated"]
-            bars = np.abs(np.where(known, [mean - low, high - mean], v.z * rows["se"]))
-            style = {"label": "Monte Carlo, mid-flight", **STYLE["monte carlo"]}
-            ax.errorbar(rows["impact"] - 0.5, mean, bars, ls="none", ms=3.5, capsize=2, **style)
+            _draw_before_impacts(ax, before[before["closure"] == closure], closure, shift)
+        fixed = mid_flight[mid_flight["quantity"] == f"rho{stage}"]
+        _draw_mid_flight(ax, fixed.assign(at=fixed["impact"] - 0.5), closures[0], v.z)
         ax.set(
-            ylim=(-limit, limit), xlim=(0.0, len(v.run.section) + 0.5), ylabel=SYMBOL[f"rho{stage}"]
+            ylim=(-LARGEST_RHO, LARGEST_RHO),
+            xlim=(0.0, len(v.run.section) + 0.5),
+            xlabel="impact (mid-flight: in the flight before it)",
+            ylabel=SYMBOL[f"rho{stage}"],
         )
         whole_impacts(ax)
-        ax.set_xlabel("impact (mid-flight: in the flight before it)")
         ax.set_title(f"stage {stage}", loc="left")
     legend_above(figure, axes, 4)
     return figure
+
+
+def _draw_before_impacts(ax: Axes, rows: pd.DataFrame, closure: str, shift: float) -> None:
+    """Correlations of a closure just before its impacts, and crosses where there is none."""
+    style = STYLE[closure]
+    at = rows["impact"] + shift
+    rho = rows["rho"].clip(-LARGEST_RHO + 0.12, LARGEST_RHO - 0.12)
+    if rho.notna().any():
+        ax.plot(at, rho, ls="none", ms=5, label=f"{closure}, before impact", **style)
+    broken = at[rows["rho"].isna() & ~rows["realizable"]]
+    if len(broken):
+        crosses: Any = {"marker": "x", "color": style["color"], "ms": 6, "mew": 1.6}
+        height = np.full(len(broken), LARGEST_RHO - 0.25)
+        ax.plot(broken, height, ls="none", label=f"{closure}: negative variance", **crosses)
+
+
+def _draw_mid_flight(ax: Axes, fixed: pd.DataFrame, first: str, z: float) -> None:
+    """Correlations of all closures at fixed times, and those of the simulation.
+
+    `first`: The closure beside whose rows those of the simulation stand.
+    """
+    for name, rows in fixed.dropna(subset=["predicted"]).groupby("closure", sort=False):
+        rho = rows["predicted"].clip(-LARGEST_RHO, LARGEST_RHO)
+        style = {"mfc": "none", **STYLE[str(name)]}
+        ax.plot(rows["at"], rho, ls="none", ms=5, label=f"{name}, mid-flight", **style)
+    rows = fixed[fixed["closure"] == first]
+    if len(rows):
+        mean = rows["simulated"]
+        low = mean - (rows["predicted"] - rows["high"])
+        high = rows["predicted"] - rows["low"] - mean
+        bars = np.abs(np.where(rows["predicted"].notna(), [low, high], z * rows["se"]))
+        style = {"label": "Monte Carlo, mid-flight", **STYLE["monte carlo"]}
+        ax.errorbar(rows["at"], mean, bars, ls="none", ms=3.5, capsize=2, **style)
 
 
 def section_figure(v: Comparison) -> Figure:
@@ -136,18 +141,19 @@ def section_figure(v: Comparison) -> Figure:
         for closure, prediction in v.predictions.items():
             curve = prediction.density(impact, quantity, y)
             if curve is not None:
-                label = (
-                    f"{closure}, {'mixture' if prediction.trace.parts is not None else 'Edgeworth'}"
-                )
+                kind = "Edgeworth" if prediction.trace.parts is None else "mixture"
                 dashes = "--" if closure == "published" else "-"
-                ax.plot(y, curve, color=STYLE[closure]["color"], lw=1.4, ls=dashes, label=label)
-        ax.set_ylim(0.0, 1.25 * max(density.max(), 1e-12))
+                colour = STYLE[closure]["color"]
+                ax.plot(y, curve, color=colour, lw=1.4, ls=dashes, label=f"{closure}, {kind}")
         if y[0] < y[-1]:  # the edges of very narrow bins may be the same float
             ax.set_xlim(y[0], y[-1])
         ax.xaxis.set_major_locator(MaxNLocator(4))
         ax.set_title(f"impact {impact}", loc="left")
-        ax.set_xlabel(rf"{SYMBOL[quantity]} before impact ($\nu_1\omega$)")
-        ax.set_ylabel(r"density ($1/\nu_1\omega$)" if impact == 1 else "")
+        ax.set(
+            ylim=(0.0, 1.25 * max(density.max(), 1e-12)),
+            xlabel=rf"{SYMBOL[quantity]} before impact ($\nu_1\omega$)",
+            ylabel=r"density ($1/\nu_1\omega$)" if impact == 1 else "",
+        )
     legend_above(figure, axes, 4)
     return figure
 
@@ -165,15 +171,10 @@ def agreement_figure(validations: Sequence[Comparison]) -> Figure:
         for v, shade, marker in zip(validations, shades, "osD^vP*X" * 8, strict=False):
             share = v.run.agreement[closures[0]]
             label = rf"$\sigma$ = {v.scene.sigma:.4g}"
-            ax.plot(share.index, share, marker=marker, ms=4, lw=1.2, color=shade, label=label)
-            if "branching" in closures and "agreement" in v.predictions["branching"].section:
-                ax.plot(
-                    share.index,
-                    v.predictions["branching"].section["agreement"],
-                    color=shade,
-                    ls="--",
-                    lw=1.0,
-                )
+            ax.plot(share, marker=marker, ms=4, lw=1.2, color=shade, label=label)
+            if "branching" in closures:
+                predicted: Any = v.predictions["branching"].section.get("agreement", [])
+                ax.plot(share.index[: len(predicted)], predicted, color=shade, ls="--", lw=1.0)
         ax.set(ylim=(-0.03, 1.05), xlabel="impact", ylabel="share of paths on it")
         whole_impacts(ax)
         ax.set_title("itinerary of " + ", ".join(closures), loc="left")
@@ -207,30 +208,23 @@ def validity_figure(table: pd.DataFrame, impacts: int) -> Figure:
         ax.set_visible(False)
     accurate = table["accurate"]
     not_inaccurate = table["not_inaccurate"]
+    open_area: Any = {"facecolor": "none", "edgecolor": "0.35", "hatch": "////"}
     areas = [
         (accurate > 0, Patch(facecolor="0.35", label=f"{ACCURATE_UP_TO} here")),
-        (
-            not_inaccurate > accurate,
-            Patch(facecolor="none", edgecolor="0.35", hatch="////", label=f"{NOT_WRONG} here"),
-        ),
+        (not_inaccurate > accurate, Patch(label=f"{NOT_WRONG} here", **open_area)),
         (not_inaccurate < impacts, Patch(facecolor="none", edgecolor="0.6", label=WRONG)),
     ]
-    lines = [
-        Line2D(
-            [], [], color="k", ls=":", lw=1.4, label="99 % of the paths on its itinerary up to here"
-        ),
-        Line2D([], [], color="k", lw=1.0, label=f"on its itinerary: {ACCURATE_UP_TO} here"),
+    lines: dict[str, Any] = {
+        "99 % of the paths on its itinerary up to here": {"ls": ":", "lw": 1.4},
+        f"on its itinerary: {ACCURATE_UP_TO} here": {"lw": 1.0},
+    }
+    for cause, marker in MARKER.items():
+        if (table["cause"] == cause).any():
+            lines[CAUSES[cause]] = {"ls": "none", "marker": marker, "ms": 6}
+    handles = [
+        *(patch for drawn, patch in areas if drawn.any()),
+        *(Line2D([], [], color="k", label=label, **style) for label, style in lines.items()),
     ]
-    marked = [
-        (marker, CAUSES[cause])
-        for cause, marker in MARKER.items()
-        if (table["cause"] == cause).any()
-    ]
-    lines += [
-        Line2D([], [], ls="none", marker=marker, color="k", ms=6, label=label)
-        for marker, label in marked
-    ]
-    handles = [*(patch for drawn, patch in areas if drawn.any()), *lines]
     figure.legend(handles=handles, loc="outside upper center", ncols=3)
     return figure
 
@@ -252,10 +246,8 @@ def _panel(ax: Axes, rows: pd.DataFrame, closure: str, impacts: int) -> None:
     ax.stairs(not_inaccurate, edges, baseline=accurate, **hatched)
     ax.stairs(accurate, edges, fill=True, color=colour)
     ax.stairs(not_inaccurate, edges, color=colour, lw=1.2)
-    ax.stairs(rows["on_itinerary"].to_numpy(), edges, baseline=None, color="k", ls=":", lw=1.4)
-    ax.stairs(
-        rows["itinerary_accurate"].to_numpy(), edges, baseline=None, color="k", ls="-", lw=1.0
-    )
+    for name, dashes, width in (("on_itinerary", ":", 1.4), ("itinerary_accurate", "-", 1.0)):
+        ax.stairs(rows[name], edges, baseline=None, color="k", ls=dashes, lw=width)
     place = np.minimum(not_inaccurate + 0.5 * MARKER_HEIGHT, impacts)
     for x, y, cause in zip(sigma, place, rows["cause"], strict=True):
         if cause in MARKER:
@@ -265,10 +257,10 @@ def _panel(ax: Axes, rows: pd.DataFrame, closure: str, impacts: int) -> None:
         xlim=(edges[0], edges[-1]),
         ylim=(0.0, impacts + 0.5 * MARKER_HEIGHT),
         axisbelow=True,
+        xlabel=VALUE_LABELS["sigma"],
     )
     ax.xaxis.set_major_formatter("{x:g}")
     ax.yaxis.set_major_locator(MaxNLocator(7, integer=True))
-    ax.set_xlabel(r"noise intensity $\sigma$")
     ax.set_title(closure, loc="left", fontweight="bold", color=colour)
 
 
@@ -284,13 +276,8 @@ def drive_figure(scene: Scene) -> Figure:
         ax.plot(tau, np.sum(parts, axis=0), color="#0072B2", lw=2.0, label="the driver")
         for one, part in zip(scene.drive, parts, strict=True):
             ax.plot(tau, part, lw=0.9, color="0.6")
-            ax.annotate(
-                str(one.order),
-                (tau[part.argmax()], part.max()),
-                fontsize=7,
-                color="0.3",
-                ha="center",
-            )
+            peak = (tau[part.argmax()], part.max())
+            ax.annotate(str(one.order), peak, fontsize=7, color="0.3", ha="center")
         ax.plot([], [], lw=0.9, color="0.6", label="each order")
         ax.set(xlabel=SYMBOL["tau"], ylabel=name)
     legend_above(figure, axes, 2)

@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 from rattle.compare.judge.verdict import MARKS, Tolerances
 from rattle.compare.report import manifest
 from rattle.compare.report.folder import name_of
+from rattle.compare.report.json_text import Facts
 from rattle.compare.report.provenance import command_line, provenance
 from rattle.compare.report.report import Report
 from rattle.compare.report.save import csv_text, save
@@ -35,11 +36,20 @@ from rattle.compare.validation.figures import (
 )
 from rattle.scene.parts import SINE_ALONE
 
-VALIDATION_TABLES = {"table": "table", "correlation": "correlation", "leaving": "run.leaving"}
+VALIDATION_TABLES = {
+    "table": attrgetter("table"),
+    "correlation": attrgetter("correlation"),
+    "leaving": attrgetter("run.leaving"),
+}
 """Tables of a validation by the name of their file."""
 VALIDATION_PARQUET = ("table", "validity")
 """Tables that are written as Parquet too."""
-VALIDATION_WORDS = ("exact flight", "σ", "ρ1, ρ2", "stage", "agreement", "realizable")
+VALIDATION_WORDS = (
+    *CLOSURE_TERMS,
+    *SECTION_TERMS,
+    *VERDICT_TERMS,
+    *("exact flight", "σ", "ρ1, ρ2", "stage", "agreement", "realizable"),
+)
 CAPTIONS: dict[str, dict[str, str]] = read_texts("validation")
 """Of each figure the parts of its caption, with a word of the legend that each needs."""
 
@@ -47,7 +57,7 @@ CAPTIONS: dict[str, dict[str, str]] = read_texts("validation")
 class DrawnSection(NamedTuple):
     """One noise intensity of the page, and its figures as SVG by their names."""
 
-    content: dict[str, Any]
+    content: Facts
     figures: dict[str, bytes]
 
 
@@ -66,7 +76,7 @@ def _draw_section(v: Comparison, number: int) -> DrawnSection:
             name = f"figures/{kind}-{number}-sigma-{sigma}"
             figures[name] = render(figure)
             captions[name] = caption_of(figure, CAPTIONS[kind].items())
-    content: dict[str, Any] = {
+    content: Facts = {
         "sigma": sigma,
         "simulation": tables.simulation_text(v),
         "reach": tables.find_reach(v),
@@ -88,15 +98,14 @@ def _draw_section(v: Comparison, number: int) -> DrawnSection:
 
 def _describe_own_closures(v: Comparison) -> list[str]:
     """What each closure of one's own is, where there is one."""
-    found = []
+    sentences = []
     for name, method in ((name, m.method) for name, m in v.predictions.items() if m.method.own):
-        meaning = (
-            (getattr(method.function, "__doc__", None) or "no description").strip().split("\n")[0]
-        )
+        explained = getattr(method.function, "__doc__", None) or "no description"
+        meaning = explained.strip().split("\n")[0]
         where = f" (`{method.reference}`)" if method.reference else ""
-        digest = method.digest[:12]
-        found.append(f"`{name}`{where} is a closure of one's own, source {digest}: {meaning}")
-    return found
+        source = f"is a closure of one's own, source {method.digest[:12]}"
+        sentences.append(f"`{name}`{where} {source}: {meaning}")
+    return sentences
 
 
 def _draw(first: Comparison, validations: Sequence[Comparison], swept: Sweep | None) -> Any:
@@ -122,11 +131,11 @@ def _fill(
     validations: Sequence[Comparison],
     swept: Sweep | None,
     schemes: pd.DataFrame | None,
-) -> dict[str, Any]:
+) -> Facts:
     """What the template of the page shows besides the figures and the noise intensities."""
     first = validations[0]
     marks = [f"{SIGNS_OF_MARKS[mark] or '–'} {verdict}" for verdict, mark in MARKS.items()]
-    content: dict[str, Any] = {
+    content: Facts = {
         "swept": swept is not None,
         "own_closures": _describe_own_closures(first),
         "marks": ", ".join(marks),
@@ -139,9 +148,11 @@ def _fill(
         content["validity_paths"] = settings.validity_paths
         content["speed"] = tables.speed_rows(swept.speed)
     if schemes is not None:
+        sampled = schemes["paths"] > 0
+        shown = schemes.assign(paths=schemes["paths"].where(sampled))
         content["beside"] = schemes["paths"].max()
         content["schemes"] = [
-            (sigma_text(v), tables.scheme_table(schemes, v.scene.sigma)) for v in validations
+            (sigma_text(v), shown[shown["sigma"] == v.scene.sigma]) for v in validations
         ]
     return content
 
@@ -159,59 +170,54 @@ def write_report(
     swept: Sweep | None,
     said: Sequence[str],
     drawn: Sequence[DrawnSection],
-    origin: dict[str, Any],
+    origin: Facts,
     overwrite: bool,
     schemes: pd.DataFrame | None = None,
-) -> dict[str, Any]:
+) -> Facts:
     """Write the report folder, whole or not at all.
 
     `said`: Its answer in sentences. `drawn`: `draw_sections` of the validations.
     """
-    own = {name: attrgetter(place) for name, place in VALIDATION_TABLES.items()}
+    first = validations[0]
     frames = {
-        n: pd.concat([table(v).assign(sigma=v.scene.sigma) for v in validations])
-        for n, table in own.items()
+        name: pd.concat([table(v).assign(sigma=v.scene.sigma) for v in validations])
+        for name, table in VALIDATION_TABLES.items()
     }
     frames["table"] = all_rows(validations)
     if swept:
         frames |= {name: getattr(swept, name) for name in ("validity", "speed", "simulation")}
-    frames |= {} if schemes is None else {"schemes": schemes}
-    digests = {
-        f"{name}_sha256": (
-            manifest.digest(csv_text(frames[name], index=False)) if name in frames else None
-        )
-        for name in ("table", "validity")
+    if schemes is not None:
+        frames["schemes"] = schemes
+    large = {name: frames[name] for name in VALIDATION_PARQUET if name in frames}
+    digests = {name: manifest.digest(csv_text(table, index=False)) for name, table in large.items()}
+    record = {
+        "version": manifest.VERSION,
+        "settings": settings.to_dict(),
+        **{f"{name}_sha256": digests.get(name) for name in VALIDATION_PARQUET},
+        **origin,
     }
-    record = {"version": manifest.VERSION, "settings": settings.to_dict(), **digests, **origin}
-    first = validations[0]
-    files = {"table": record["table_sha256"], "validity": record["validity_sha256"]}
-    drawings = _draw(first, validations, swept)
     figures: dict[str, Figure | bytes] = {}
     captions: dict[str, str] = {}
-    for name, (figure, parts) in drawings.items():
+    for name, (figure, parts) in _draw(first, validations, swept).items():
         figures[f"figures/{name}"] = figure
         captions[f"figures/{name}"] = caption_of(figure, parts.items())
-    for one in drawn:
-        figures |= one.figures
+    for section in drawn:
+        figures |= section.figures
     content = _fill(settings, validations, swept, schemes)
+    content["captions"] = captions
+    content["validations"] = [section.content for section in drawn]
     report = Report(
         "report",
         f"Can the closure be believed? {settings.name}",
         said,
         record,
-        content | {"captions": captions, "validations": [one.content for one in drawn]},
-        glossary(
-            *CLOSURE_TERMS,
-            *SECTION_TERMS,
-            *VERDICT_TERMS,
-            *VALIDATION_WORDS,
-            gears=first.scene.gears,
-        ),
+        content,
+        glossary(*VALIDATION_WORDS, gears=first.scene.gears),
         figures=figures,
         tables=frames,
-        large={name: frames[name] for name in VALIDATION_PARQUET if name in frames},
+        large=large,
         template="validation/page.j2",
-        more={f"`{name}.csv`": f"sha256 {sha256}" for name, sha256 in files.items() if sha256},
+        more={f"`{name}.csv`": f"sha256 {digest}" for name, digest in digests.items()},
     )
     save(out, report, overwrite)
     return record | {"answer": list(said)}
@@ -220,23 +226,14 @@ def write_report(
 def write_one(v: Comparison, out: Path, overwrite: bool) -> Path:
     """Write the report of a validation that was made in Python."""
     run = v.run
-    entropy = v.run.seed.entropy
-    order = next(iter(v.predictions.values())).order
+    entropy = run.seed.entropy
+    first, *_ = v.predictions.values()
     closures = tuple(
         m.method.reference if m.method.own else name for name, m in v.predictions.items()
     )
     seed = entropy if isinstance(entropy, int) and not run.seed.spawn_key else None
-    settings = manifest.ReportSettings(
-        name_of(out),
-        (v.scene,),
-        run.impacts,
-        run.paths,
-        run.dt,
-        run.scheme,
-        seed or 0,
-        order,
-        closures,
-    )
+    size = (run.impacts, run.paths, run.dt, run.scheme, seed or 0, first.order)
+    settings = manifest.ReportSettings(name_of(out), (v.scene,), *size, closures)
     here = "validate(...).report(...), in Python"
     again = command_line(["validate", "--repeat", str(out / "manifest.json")])
     if seed is None or v.tolerances != Tolerances() or not all(closures):

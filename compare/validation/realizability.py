@@ -113,26 +113,19 @@ def section_distances(prediction: MeanMap, run: Ensemble) -> pd.DataFrame:
             mean, sd = (float(predicted[prefix + quantity].loc[impact]) for prefix in ("", "sd_"))
             counts = histograms.counts[impact - 1, SECTION.index(quantity)]
             # paths at the wall, except for a few that struck elsewhere
-            is_atom = counts.max() > ATOM * counts.sum()
-            if (
-                is_atom
-                or quantity not in find_varying(sampled, impact)
-                or density(np.array([mean])) is None
-            ):
+            paths = int(counts.sum())
+            is_atom = counts.max() > ATOM * paths
+            varies = quantity in find_varying(sampled, impact)
+            if is_atom or not varies or density(np.array([mean])) is None:
                 continue
             seen = [float(sampled[prefix + quantity].loc[impact]) for prefix in ("", "sd_")]
             true_mean, true_sd = limit.get((impact, quantity), seen)
             edges, _ = histograms.density(impact, quantity)
-            masses = bin_masses(
-                density, true_mean + (edges - seen[0]) * (true_sd / seen[1]), mean, sd
-            )
-            key = {"closure": prediction.closure, "impact": impact, "quantity": quantity}
-            records.append(
-                {**key, **distances(masses, counts)._asdict(), "paths": int(counts.sum())}
-            )
-    return pd.DataFrame(
-        records, columns=["closure", "impact", "quantity", *Distances._fields, "paths"]
-    )
+            shifted = true_mean + (edges - seen[0]) * (true_sd / seen[1])
+            apart = distances(bin_masses(density, shifted, mean, sd), counts)
+            records.append((prediction.closure, impact, quantity, *apart, paths))
+    names = ["closure", "impact", "quantity", *Distances._fields, "paths"]
+    return pd.DataFrame(records, columns=names)
 
 
 def find_varying(section: pd.DataFrame, impact: int) -> list[str]:
@@ -284,26 +277,24 @@ def _statistics(prediction: MeanMap, impact: int) -> Iterator[tuple[int, str, St
     """Stage, name of the check and its statistic at one impact; stage 0 stands for both stages
     jointly."""
     if prediction.scene.stages == 2:
-        yield (
-            0,
-            "covariance eigenvalue",
-            Statistic(covariance_eigenvalue(prediction.trace.covariance[impact])),
-        )
+        joint = covariance_eigenvalue(prediction.trace.covariance[impact])
+        yield 0, "covariance eigenvalue", Statistic(joint)
     yield 0, "section negative mass", _section_negative_mass(prediction, impact)
     for stage in range(1, prediction.scene.stages + 1):
         covariance = prediction.stage_covariance(impact, stage)
         raw = prediction.trace.raw[impact, stage - 1]
-        yield stage, "variance of displacement", Statistic(float(covariance[0, 0]))
-        yield stage, "variance of velocity", Statistic(float(covariance[1, 1]))
-        yield (
-            stage,
-            "|rho|",
-            Statistic(abs(correlation(covariance)) if np.isfinite(covariance).all() else NAN),
-        )
-        yield stage, "covariance eigenvalue", Statistic(covariance_eigenvalue(covariance))
-        yield stage, "kurtosis", kurtosis_margin(raw)
-        yield stage, "moment matrix", moment_matrix_eigenvalue(raw)
-        yield stage, "negative mass", _series_negative_mass(prediction, impact, stage)
+        known = np.isfinite(covariance).all()
+        statistics = {
+            "variance of displacement": Statistic(float(covariance[0, 0])),
+            "variance of velocity": Statistic(float(covariance[1, 1])),
+            "|rho|": Statistic(abs(correlation(covariance)) if known else NAN),
+            "covariance eigenvalue": Statistic(covariance_eigenvalue(covariance)),
+            "kurtosis": kurtosis_margin(raw),
+            "moment matrix": moment_matrix_eigenvalue(raw),
+            "negative mass": _series_negative_mass(prediction, impact, stage),
+        }
+        for check, statistic in statistics.items():
+            yield stage, check, statistic
 
 
 def realizability_table(predictions: Sequence[MeanMap]) -> pd.DataFrame:
@@ -336,7 +327,8 @@ def realizability_table(predictions: Sequence[MeanMap]) -> pd.DataFrame:
     missed = table["sign"] * (table["bound"] - table["value"])
     known = table["value"].notna()
     holds = missed <= table["slack"] * table["scale"]
-    table["holds"], table["excess"] = holds.astype("boolean").where(known), missed.mask(holds, 0.0)
+    table["holds"] = holds.astype("boolean").where(known)
+    table["excess"] = missed.mask(holds, 0.0)
     return table[["closure", "impact", "stage", "check", "value", "bound", "holds", "excess"]]
 
 

@@ -9,6 +9,7 @@ from rattle.closure import closures_for
 from rattle.closure.mean_map import find_closures, predict
 from rattle.compare.report.folder import check_free, report_files
 from rattle.compare.report.interrupt import stored
+from rattle.compare.report.json_text import Facts
 from rattle.compare.report.manifest import ReportSettings
 from rattle.compare.report.provenance import Stopwatch, command_line, provenance
 from rattle.compare.validation.answer import UNFINISHED, answer, describe_left_out
@@ -60,7 +61,7 @@ class ReportRun:
         self.overwrite = overwrite
         self.workers = workers
         self.page = out / "report.html"
-        self.predictions: dict[str, Any] = {"closures": settings.closures, "order": settings.order}
+        self.predictions: Facts = {"closures": settings.closures, "order": settings.order}
         self.swept: Any = None  # the range of validity, once it has been measured
         self.schemes: Any = None  # the table of the other schemes
         self._check()
@@ -134,7 +135,7 @@ class ReportRun:
         left_out = describe_left_out(self.swept, budget)
         self.sentences = answer(self.validations, self.swept) + left_out
 
-    def write(self) -> dict[str, Any]:
+    def write(self) -> Facts:
         """Measure the other schemes that are shown beside, and write the page; returns its
         manifest."""
         beside = self.settings.beside
@@ -142,7 +143,7 @@ class ReportRun:
             self.schemes = compare_schemes(self.validations, beside, self.workers)
         return self._write(self.settings, self.sentences)
 
-    def _write(self, settings: ReportSettings, sentences: list[str]) -> dict[str, Any]:
+    def _write(self, settings: ReportSettings, sentences: list[str]) -> Facts:
         repeat = ["validate", "--repeat", str(self.out / "manifest.json")]
         return write_report(
             self.out,

@@ -3,12 +3,14 @@ mm/s and mJ."""
 
 import math
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from rattle.compare.judge.verdict import JUDGED, MARKS, Verdict
-from rattle.compare.report.table import Table, TableCell, of_numbers
+from rattle.compare.report.render import render_sentences
+from rattle.compare.report.table import NO_VALUE, Table, TableCell
 from rattle.compare.validation.comparison import CAUSES, Comparison, find_validities
 from rattle.compare.validation.errors import ON_ITINERARY
 from rattle.compare.validation.realizability import (
@@ -37,16 +39,18 @@ def count_verdicts(v: Comparison) -> pd.DataFrame:
     """Number of moments with each verdict, by closure and kind of moment."""
     names = {"section": "section {}s", ON_ITINERARY: "section {}s, paths on its itinerary"}
     groups = v.table.groupby(["closure", "kind", "moment"], sort=False)["verdict"]
+    no_verdicts = dict.fromkeys(Verdict, 0)
     return pd.DataFrame(
         {"closure": closure, "what": names.get(str(kind), "ρ at mid-flight").format(moment)}
-        | {w: int((said == w).sum()) for w in Verdict}
-        for (closure, kind, moment), said in groups
+        | no_verdicts
+        | verdicts.value_counts().to_dict()
+        for (closure, kind, moment), verdicts in groups
     )
 
 
 def _cell(row: pd.Series) -> TableCell:
     if row["verdict"] not in JUDGED:
-        return TableCell("–")
+        return TableCell(NO_VALUE)
     unit = row["unit"] if row["unit"] > 0.0 else 1.0
     error = row["error"] / unit
     half = 0.5 * (row["high"] - row["low"]) / unit
@@ -59,35 +63,35 @@ def _cell(row: pd.Series) -> TableCell:
 def impact_table(v: Comparison, closure: str) -> Table:
     """Errors of a closure at each impact, in sds, with the half width of their intervals."""
     section = v.predictions[closure].section
-    cells = {
-        (r["moment"], r["quantity"], r["impact"]): _cell(r)
-        for _, r in v.section_rows(closure).iterrows()
-    }
-    columns: dict[str, list[TableCell | str]] = {
-        "impact": [str(impact) for impact in section.index],
-        "agreement": [f"{share:.3f}" for share in v.run.agreement[closure][section.index]],
+    rows = v.section_rows(closure)
+    rows = rows.assign(cell=rows.apply(_cell, axis="columns"))
+    cells = rows.pivot(index="impact", columns=["moment", "quantity"], values="cell")
+    columns: dict[str, Any] = {
+        "impact": map(str, section.index),
+        "agreement": map("{:.3f}".format, v.run.agreement[closure][section.index]),
     }
     for moment, quantity in MOMENTS_SHOWN:
         if v.scene.stages == 2 or quantity != "y2":
             head = f"{'E' if moment == 'mean' else 'sd'} {'τ' if quantity == 'tau' else quantity}"
-            columns[head] = [cells[moment, quantity, impact] for impact in section.index]
+            columns[head] = cells[moment, quantity].reindex(section.index).to_numpy()
     for stage in range(1, v.scene.stages + 1):
         columns[f"ρ{stage}"] = [
-            "–" if pd.isna(rho) else f"{rho:.3f}" for rho in section[f"rho{stage}"]
+            NO_VALUE if pd.isna(rho) else f"{rho:.3f}" for rho in section[f"rho{stage}"]
         ]
-    columns["realizable"] = ["yes" if possible else "no" for possible in section["realizable"]]
-    heads = [name if name == "realizable" else of_numbers(name) for name in columns]
-    return Table.of(heads, zip(*columns.values(), strict=True))
+    columns["realizable"] = np.where(section["realizable"], "yes", "no")
+    return Table.whole(pd.DataFrame(columns), texts=["realizable"])
 
 
 def find_failures(v: Comparison) -> pd.DataFrame:
     """First failure of each check of realizability; mixtures (branching) have no moments of a
     perturbation to check."""
-    found = first_failures(
+    failures = first_failures(
         realizability_table([m for m in v.predictions.values() if m.trace.parts is None])
     )
-    stages = found["stage"].map({0: "both stages"}).fillna("stage " + found["stage"].astype(str))
-    return found.assign(where="impact " + found["impact"].astype(str) + ", " + stages)
+    stages = (
+        failures["stage"].map({0: "both stages"}).fillna("stage " + failures["stage"].astype(str))
+    )
+    return failures.assign(where="impact " + failures["impact"].astype(str) + ", " + stages)
 
 
 def find_distances(v: Comparison) -> pd.DataFrame:
@@ -99,24 +103,26 @@ def find_distances(v: Comparison) -> pd.DataFrame:
     ratios = pd.DataFrame(
         {name: table[name] / table[f"{name}_floor"] for name in ("kolmogorov", "total_variation")}
     )
-    found = ratios.groupby(table["closure"], sort=False).agg(["median", "max"])
-    return found.set_axis(found.columns.map(" ".join), axis="columns").reset_index()
+    distances = ratios.groupby(table["closure"], sort=False).agg(["median", "max"])
+    return distances.set_axis(distances.columns.map(" ".join), axis="columns").reset_index()
 
 
 def find_reach(v: Comparison) -> pd.DataFrame:
     """Range of validity of each closure of a validation, its cause, and which paths the closure
     describes."""
-    found = find_validities([v])
-    return found.assign(
-        describes=[DESCRIBES[v.predictions[name].method.describes] for name in found["closure"]]
+    reach = find_validities([v])
+    return reach.assign(
+        describes=[DESCRIBES[v.predictions[name].method.describes] for name in reach["closure"]]
     )
 
 
 def list_leaving(v: Comparison) -> pd.DataFrame:
     """How paths leave the noise-free itinerary, by what they strike instead."""
-    found = v.run.leaving
-    return found.assign(
-        known=np.where(found["near"].astype(bool), "paths drawn near the branch", "this simulation")
+    leaving = v.run.leaving
+    return leaving.assign(
+        known=np.where(
+            leaving["near"].astype(bool), "paths drawn near the branch", "this simulation"
+        )
     )
 
 
@@ -126,8 +132,8 @@ def merge_sigmas(table: pd.DataFrame) -> pd.DataFrame:
     rows = []
     for closure, group in table.groupby("closure", sort=False):
         group = group.sort_values("sigma")
-        found = group[["accurate", "not_inaccurate", "cause"]]
-        for _, same in group.groupby((found != found.shift()).any(axis=1).cumsum()):
+        ranges = group[["accurate", "not_inaccurate", "cause"]]
+        for _, same in group.groupby((ranges != ranges.shift()).any(axis=1).cumsum()):
             first = same.iloc[0]
             last = same.iloc[-1]
             sigma = f"{first['sigma']:.4g}" + (f" – {last['sigma']:.4g}" if len(same) > 1 else "")
@@ -152,16 +158,17 @@ def speed_rows(table: pd.DataFrame) -> pd.DataFrame:
     they are not compared.
     """
     rows = table.sort_values(["closure", "sigma"])
-    each = list(rows[["speed_up", "resolved", "closure_seconds"]].itertuples(index=False))
+    speeds = list(rows[["speed_up", "resolved", "closure_seconds"]].itertuples(index=False))
     return rows.assign(
         most=np.where(rows["resolved"], "", "≤ "),
         own=[
-            f"{1e3 * seconds:.2f} ms{', measured' * math.isnan(gain)}" for gain, _, seconds in each
+            f"{1e3 * seconds:.2f} ms{', measured' * math.isnan(gain)}"
+            for gain, _, seconds in speeds
         ],
         simulated=1e3 * rows["simulation_seconds"],
         gain=[
             "–" if math.isnan(g) else f"{'≥ ' * (not sure)}{float(f'{g:.2g}'):g}"
-            for g, sure, _ in each
+            for g, sure, _ in speeds
         ],
     )
 
@@ -170,21 +177,18 @@ def simulation_text(v: Comparison) -> str:
     """The simulation behind a validation in words: paths, scheme, step, sampling error,
     diagnostics."""
     run = v.run
-    mean = v.run.section
-    bias = (
-        " (2 dt and 4 dt on the same Brownian paths)"
-        if "fine_coarse" in run.result.sums
-        else ", no step bias"
+    section = run.section
+    varies = v.scene.sigma > 0
+    return " ".join(
+        render_sentences(
+            "validation/simulation.j2",
+            run=run,
+            z=v.z,
+            share=(section["se_tau"] / section["sd_tau"]).median() if varies else 0.0,
+            bias_measured="fine_coarse" in run.result.sums,
+            searched=not v.scene.correlation_time,
+        )
     )
-    share = float((mean["se_tau"] / mean["sd_tau"]).median()) if v.scene.sigma > 0 else 0.0
-    text = (
-        f"{run.paths:,} paths of the {run.scheme} scheme, dt = {run.dt:.4g}{bias}; sampling error"
-        f" of E τ {share:.2%} of its sd at the median impact; intervals of {v.z:.2f} standard"
-        " errors, so that all of them contain the true values with 95 % confidence."
-    )
-    seldom = f"taken by fewer than 1 in {run.paths / 10:,.0f} paths"
-    rare = f"Rare branches, {seldom}, are counted where they could change a verdict."
-    return " ".join((text, *([] if v.scene.correlation_time else [rare]), *run.diagnostics))
 
 
 def motion_table(v: Comparison) -> Table:
@@ -192,31 +196,30 @@ def motion_table(v: Comparison) -> Table:
     plain = v.run.section
     physical = v.run.section_in("physical")
     speeds = [f"y{i}" for i in range(1, v.scene.stages + 1)]
-    columns = {"impact": [str(impact) for impact in plain.index], "τ": _spreads(plain, "tau")}
+    columns: dict[str, Any] = {"impact": map(str, plain.index), "τ": _spreads(plain, "tau")}
     columns |= {name: _spreads(plain, name) for name in speeds}
     columns |= {"time [ms]": _spreads(physical, "tau_ms")}
     columns |= {f"{name} [mm/s]": _spreads(physical, f"{name}_mm_per_s") for name in speeds}
     if "energy_mJ" in physical:
-        columns["energy [mJ]"] = [f"{energy:.3g}" for energy in physical["energy_mJ"]]
-    return Table.of(map(of_numbers, columns), zip(*columns.values(), strict=True))
+        columns["energy [mJ]"] = map("{:.3g}".format, physical["energy_mJ"])
+    return Table.whole(pd.DataFrame(columns))
 
 
 def time_table(v: Comparison) -> Table:
     """The simulated means and sds at fixed times in both systems of units."""
     plain = v.run.at_times()
     physical = v.run.at_times(units="physical")
-    columns = {"τ": [f"{time:.4g}" for time in plain.index]}
-    columns |= {
-        name: _spreads(plain, name, f"cov_{name}_{name}") for name in STATE[: 2 * v.scene.stages]
-    }
-    columns["time [ms]"] = [f"{time:.4g}" for time in physical.index]
-    for name in STATE[: 2 * v.scene.stages]:
+    state = STATE[: 2 * v.scene.stages]
+    columns: dict[str, Any] = {"τ": map("{:.4g}".format, plain.index)}
+    columns |= {name: _spreads(plain, name, f"cov_{name}_{name}") for name in state}
+    columns["time [ms]"] = map("{:.4g}".format, physical.index)
+    for name in state:
         unit = "mm" if name.startswith("x") else "mm_per_s"
         variance = f"cov_{name}_{name}_{PRODUCTS[unit, unit]}"
         columns[f"{name} [{unit.replace('_per_', '/')}]"] = _spreads(
             physical, f"{name}_{unit}", variance
         )
-    return Table.of(map(of_numbers, columns), zip(*columns.values(), strict=True))
+    return Table.whole(pd.DataFrame(columns))
 
 
 def duration_words(v: Comparison) -> str:
@@ -231,24 +234,15 @@ def duration_words(v: Comparison) -> str:
 
 def motion_sentence(validations: Sequence[Comparison]) -> list[str]:
     """The motion of gears in physical units, in a sentence."""
-    shown = [v for v in validations if not math.isnan(_milliseconds(v))]
-    return [f"In the units of these gears: {'; '.join(map(_in_words, shown))}."] if shown else []
-
-
-def _in_words(v: Comparison) -> str:
-    physical = v.run.section_in("physical")
-    impacts = len(v.run.section)
-    time = _milliseconds(v)
-    speeds = physical[[f"y{i}_mm_per_s" for i in range(1, v.scene.stages + 1)]].abs()
-    lost = (
-        f" and a mean loss of {physical['energy_mJ'].mean():.2g} mJ per impact"
-        if "energy_mJ" in physical
-        else ""
-    )
-    return (
-        f"at σ = {v.scene.sigma:.4g}, {impacts} impacts take {time:.3g} ms on average, with mean "
-        f"velocities before an impact of up to {np.nanmax(speeds):.3g} mm/s{lost}"
-    )
+    motions = []
+    for v in validations:
+        time = _milliseconds(v)
+        if not math.isnan(time):
+            physical = v.run.section_in("physical")
+            speeds = physical.filter(regex=r"^y\d+_mm_per_s$").abs()
+            lost = physical["energy_mJ"].mean() if "energy_mJ" in physical else None
+            motions.append((v.scene.sigma, len(v.run.section), time, np.nanmax(speeds), lost))
+    return render_sentences("validation/motion.j2", motions=motions)
 
 
 def _milliseconds(v: Comparison) -> float:
@@ -268,30 +262,3 @@ def _spreads(table: pd.DataFrame, name: str, variance: str = "") -> list[str]:
         "–" if pd.isna(mean) else f"{mean:.4g} ± {float(f'{sd:.2g}'):g}"
         for mean, sd in zip(table[name], sds, strict=True)
     ]
-
-
-NUMBERS = ("bias_mean", "bias_sd", "error_mean", "error_sd", "core_seconds")
-FORMS = {"dt": ".4g", "paths": ",.0f", **dict.fromkeys(NUMBERS, ".3g")}
-"""How the page shows the columns of `rattle.compare.validation.validate.compare_schemes`."""
-
-
-def scheme_table(found: pd.DataFrame, sigma: float) -> Table:
-    """The rows of one noise intensity."""
-    own = found[found["sigma"] == sigma].replace({"paths": {0: np.nan}})
-    rows = [
-        [
-            r["method"],
-            *("–" if pd.isna(r[name]) else format(r[name], form) for name, form in FORMS.items()),
-        ]
-        for r in own.to_dict("records")
-    ]
-    heads = (
-        "dt",
-        "paths",
-        "bias of a mean",
-        "bias of an sd",
-        "off by, mean",
-        "off by, sd",
-        "processor time in s",
-    )
-    return Table.of(["scheme or closure", *map(of_numbers, heads)], rows)

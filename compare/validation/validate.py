@@ -5,6 +5,7 @@ import math
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -32,7 +33,6 @@ from rattle.montecarlo.statistics.intervals import AGAIN, FAMILY_ERROR, widest
 from rattle.scene import (
     SECTION,
     InputError,
-    Ints,
     Scene,
     check_scene,
     choice,
@@ -130,18 +130,25 @@ def validate(
     scene = scene.phase_reduced
     biased = SCHEMES[choice("scheme", scheme, SCHEMES)].has_step_bias
     dt = default_step(scene, scheme, biased) if dt is None else dt
-    rng = read_seed(rng)
-    common: dict[str, Any] = {
-        "impacts": impacts,
-        "dt": dt,
-        "scheme": scheme,
-        "rng": rng,
-        "workers": workers,
-    }
-    check_settings(scene, paths=paths, step_bias=biased, **common)
+    seed = read_seed(rng)
+    check_settings(
+        scene,
+        paths=paths,
+        impacts=impacts,
+        dt=dt,
+        scheme=scheme,
+        rng=seed,
+        workers=workers,
+        step_bias=biased,
+    )
     predictions = {method.name: predict(given, method, impacts, order) for method in methods}
     maps = [m.phase_reduced for m in predictions.values()]
-    run = _simulate(scene, predictions, paths, biased, fixed_times, progress, common)
+    sample = partial(
+        simulate, scene, impacts=impacts, dt=dt, scheme=scheme, rng=seed, workers=workers
+    )
+    orbit = follow(scene, impacts)
+    record, sampling = _plan_records(orbit, predictions, sample, biased, fixed_times)
+    run = sample(paths=paths, sampling=sampling, progress=progress, record=record)
     moments = 2 * (len(SECTION) - (0 if scene.stages == 2 else 2)) * impacts * len(predictions)
     checks = moments + scene.stages * impacts * len(predictions)
     z = widest(checks)
@@ -149,7 +156,8 @@ def validate(
     again = widest(checks, AGAIN * FAMILY_ERROR)
     section, second_look = errors.judge_again(section, maps, run, again, limits, workers)
     parts = [section]
-    flights = _flights_of_times(follow(scene, impacts), run)
+    # the impact of the noise-free orbit that ends the flight of each fixed time
+    flights = np.searchsorted(orbit.tau[: orbit.found + 1], run.at_times().index.to_numpy(float))
     if scene.sigma > 0.0 and len(run.at_times()):
         parts += [errors.mid_flight_errors(m, run, flights, z, limits) for m in maps]
     parts += [errors.itinerary_errors(m, run, widest(moments), limits) for m in maps]
@@ -171,24 +179,23 @@ def validate(
     )
 
 
-def _simulate(
-    scene: Scene,
+def _plan_records(
+    orbit: Orbit,
     predictions: Mapping[str, MeanMap],
-    paths: int,
+    sample: "partial[Ensemble]",
     biased: bool,
     fixed_times: bool,
-    progress: str | None,
-    settings: dict[str, Any],
-) -> Ensemble:
-    """The simulation that closures are compared with: of all paths, of those on each closure's
-    itinerary, and at fixed times in the middle of the flights of the noise-free orbit."""
-    orbit = follow(scene, settings["impacts"])
+) -> tuple[Record, Sampling]:
+    """What the simulation that closures are compared with records: of all paths, of those on each
+    closure's itinerary, and at fixed times in the middle of the flights of the noise-free orbit;
+    and whether it has a control variate."""
+    (scene,) = sample.args
     tau = orbit.tau[: orbit.found + 1]
-    last = _last_impact(scene, **settings)
+    last = _last_impact(scene, sample)
     times: Any = ()
     if fixed_times:
         # fixed times are rounded to it; a flight shorter than it may contain none
-        grid = (4.0 if biased else 1.0) * settings["dt"]
+        grid = (4.0 if biased else 1.0) * sample.keywords["dt"]
         middle = (0.5 * (tau[1:] + tau[:-1]))[np.diff(tau) > grid]
         times = middle[(middle - scene.phase > grid) & (middle <= last)]
     record = Record(
@@ -199,26 +206,18 @@ def _simulate(
         on_itinerary=True,
         itineraries={name: m.itinerary for name, m in predictions.items()},
     )
-    sampling = Sampling(control=not biased and not scene.correlation_time and tau[-1] <= last)
-    return simulate(
-        scene, paths=paths, sampling=sampling, progress=progress, record=record, **settings
-    )
+    control = not biased and not scene.correlation_time and tau[-1] <= last
+    return record, Sampling(control=control)
 
 
-def _flights_of_times(orbit: Orbit, run: Ensemble) -> Ints:
-    """The impact of the noise-free orbit that ends the flight of each fixed time."""
-    tau = orbit.tau[: orbit.found + 1]
-    return np.searchsorted(tau, run.at_times().index.to_numpy(float))
-
-
-def _last_impact(scene: Scene, **settings: Any) -> float:
+def _last_impact(scene: Scene, sample: "partial[Ensemble]") -> float:
     """Generous upper bound of the time of every path's last impact, from a pilot run; at most when
     paths are abandoned.
 
     If the noise-free orbit flies much longer than the paths do, nothing can be compared at its
     later times, and simulating up to them may take millions of steps.
     """
-    pilot = simulate(scene, paths=PILOT_PATHS, **settings)
+    pilot = sample(paths=PILOT_PATHS)
     at = pilot.section.iloc[-1]
     horizon = scene.phase + (pilot.plan.most_steps - 1) * pilot.dt
     latest = scene.phase + TIME_MARGIN * (at["tau"] + 6.0 * at["sd_tau"] - scene.phase)
@@ -246,11 +245,11 @@ def check_sweep(scene: Scene, sigmas: Sequence[float], **settings: Any) -> None:
     """Validate the input of a sweep before any work starts."""
     for sigma in sigmas:
         try:
-            own = scene.with_sigma(sigma)
+            swept = scene.with_sigma(sigma)
             check_settings(
-                own,
+                swept,
                 scheme=DEFAULT_SCHEME,
-                dt=default_step(own, DEFAULT_SCHEME),
+                dt=default_step(swept, DEFAULT_SCHEME),
                 step_bias=False,
                 **settings,
             )
@@ -289,7 +288,7 @@ def sweep(
     out.
     """
     order = list(dict.fromkeys(sigma for stride in STRIDES for sigma in sigmas[::stride]))
-    found = list[Validation]()
+    validations = list[Validation]()
     work = 0.0
     with ProgressBar(order, label="range of validity", unit="intensities") as bar:
         for sigma in bar:
@@ -300,16 +299,20 @@ def sweep(
                 workers=workers,
                 **settings,
             )
-            found.append(v)
+            validations.append(v)
             latest = count_work(v)
             work += latest
-            if work + latest > budget and len(found) >= FEWEST_SIGMAS:
+            if work + latest > budget and len(validations) >= FEWEST_SIGMAS:
                 break
-    left_out = len(order) - len(found)
-    all_work = work / len(found) * len(order)
-    found.sort(key=lambda v: v.scene.sigma)
+    left_out = len(order) - len(validations)
+    all_work = work / len(validations) * len(order)
+    validations.sort(key=lambda v: v.scene.sigma)
     return Sweep(
-        find_validities(found), measure_speeds(found), simulation_costs(found), left_out, all_work
+        find_validities(validations),
+        measure_speeds(validations),
+        simulation_costs(validations),
+        left_out,
+        all_work,
     )
 
 
@@ -326,43 +329,35 @@ def compare_schemes(
     """Simulate each scene of some validations by each of these schemes; a row for each of them and
     for each closure."""
     rows = []
+    at = ["impact", "quantity", "moment"]
     for v in validations:
         for scheme in dict.fromkeys((v.run.scheme, *schemes)):
             seed = np.random.SeedSequence(v.run.seed.entropy, spawn_key=(*v.run.seed.spawn_key, 1))
-            common: dict[str, Any] = {
-                "impacts": v.run.impacts,
-                "scheme": scheme,
-                "rng": seed,
-                "workers": workers,
-            }
-            simulate(v.scene.phase_reduced, paths=2, **common)  # compiles
+            sample = partial(
+                simulate,
+                v.scene.phase_reduced,
+                impacts=v.run.impacts,
+                scheme=scheme,
+                rng=seed,
+                workers=workers,
+            )
+            sample(paths=2)  # compiles
             began = time.process_time()
-            run = simulate(v.scene.phase_reduced, paths=BESIDE_PATHS, **common)
+            run = sample(paths=BESIDE_PATHS)
             took = time.process_time() - began
             sampled = NamedSection(scheme, run.section)
             table = errors.section_errors([sampled], v.run.phase_reduced, v.z, v.tolerances)
-            at = ["impact", "quantity", "moment"]
+            error = _largest(table, "error")
             bias = _largest(
                 table.drop(columns="bias").merge(run.step_bias[[*at, "bias"]], on=at), "bias"
             )
-            rows.append(
-                (
-                    v.scene.sigma,
-                    scheme,
-                    run.dt,
-                    BESIDE_PATHS,
-                    *bias,
-                    *_largest(table, "error"),
-                    took,
-                )
-            )
+            rows.append((v.scene.sigma, scheme, run.dt, BESIDE_PATHS, *bias, *error, took))
         for closure, prediction in v.predictions.items():
             table = v.section_rows(closure)
-            own = table.assign(judged=table["verdict"] != Verdict.EXCLUDED)
+            error = _largest(table.assign(judged=table["verdict"] != Verdict.EXCLUDED), "error")
+            not_sampled = (np.nan, 0, np.nan, np.nan)
             took = closure_seconds(prediction)
-            rows.append(
-                (v.scene.sigma, closure, np.nan, 0, np.nan, np.nan, *_largest(own, "error"), took)
-            )
+            rows.append((v.scene.sigma, closure, *not_sampled, *error, took))
     return pd.DataFrame(rows, columns=SCHEME_COLUMNS)
 
 

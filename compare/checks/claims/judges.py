@@ -8,7 +8,7 @@ impact times of the published map.
 """
 
 from collections.abc import Callable, Iterator
-from typing import Any, NamedTuple, TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 import pandas as pd
@@ -23,6 +23,7 @@ from rattle.compare.chaos.section import NOISY
 from rattle.compare.chaos.spectrum import VELOCITY_IN_TIME, spectra_tables
 from rattle.compare.checks.claims.evidence import Evidence
 from rattle.compare.judge.verdict import Verdict, join_words
+from rattle.compare.report.json_text import Facts
 from rattle.compare.report.texts import read_texts
 from rattle.compare.validation.comparison import rows_to_judge
 from rattle.compare.validation.errors import SIMULATED, first_failure
@@ -36,7 +37,7 @@ NOT_REPRODUCED = "not reproduced"
 CLAIM_UNDECIDED = Verdict.UNDECIDED
 HOLDS_ONLY = "holds only for {}"
 HOLDS_IN_PART = "holds in part"
-Judged: TypeAlias = tuple[str, dict[str, Any]]
+Judged: TypeAlias = tuple[str, Facts]
 """A verdict, and what the texts of the claim show."""
 
 

@@ -1,7 +1,6 @@
 """All claims in the order of the paper; the page and the folder of ``rattle check claims``."""
 
 from collections import Counter
-from typing import Any
 
 import pandas as pd
 from matplotlib.figure import Figure as Drawing
@@ -18,6 +17,7 @@ from rattle.compare.checks.claims.judges import (
     PaperClaim,
 )
 from rattle.compare.judge.verdict import join_words
+from rattle.compare.report.json_text import Facts
 from rattle.compare.report.report import Report
 from rattle.compare.report.style import new_figure
 from rattle.compare.report.texts import glossary
@@ -81,7 +81,7 @@ def verdict_figure(claims: list[PaperClaim]) -> Drawing:
     return figure
 
 
-def make_report(claims: list[PaperClaim], chaos: ChaosStudy, record: dict[str, Any]) -> Report:
+def make_report(claims: list[PaperClaim], chaos: ChaosStudy, record: Facts) -> Report:
     """The report on the claims."""
     drawn = {name: figure for name, figure in draw(chaos).items() if name in EVIDENCE_FIGURES}
     numbered = pd.DataFrame({"claim": range(1, len(claims) + 1)}).join(pd.DataFrame(claims))

@@ -22,6 +22,7 @@ from rattle.montecarlo import SCHEMES, Record, Sampling
 from rattle.montecarlo.coupling.paths import LongPath
 from rattle.montecarlo.statistics.intervals import widest
 from rattle.scene import DAT21, STATE, Scene, Start, Tolerance, flight, impact, long_orbit, orbit
+from rattle.scene.tangent import Stretch
 
 EXTREME_IMPACTS = 3
 # powers of two as factors on the lengths of DAT21: half gaps of 7e-9, 6e-5 and 8e3
@@ -140,6 +141,12 @@ def absolute_times() -> Iterator[float]:
         yield farthest(a[errors], b[errors], scale)
 
 
+def _stretches(orbit: long_orbit.LongOrbit, impacts: int) -> Iterator[Stretch]:
+    """A long orbit in stretches of `STRETCH_IMPACTS`."""
+    for _ in range(impacts // STRETCH_IMPACTS):
+        yield orbit.stretch(STRETCH_IMPACTS, tangent=False)
+
+
 def energy() -> Iterator[float]:
     """Elastic impacts at both meshes without excitation, damping or drag conserve energy."""
     start = Start(0.0, 0.1, 1.3, -0.2, -0.7)
@@ -151,8 +158,7 @@ def energy() -> Iterator[float]:
 
     exact = energy_of(start.y1, start.y2)
     orbit = long_orbit.LongOrbit(bare(epsilon=1.0, mu=mu, gap2=0.7, start=start, stages=2))
-    for _ in range(LONG_RUN_IMPACTS // STRETCH_IMPACTS):
-        s = orbit.stretch(STRETCH_IMPACTS, tangent=False)
+    for s in _stretches(orbit, LONG_RUN_IMPACTS):
         yield farthest(energy_of(s.before[:, 1], s.before[:, 3]), exact, exact)
         yield 0.0 if len(s.flight) == STRETCH_IMPACTS else math.inf
 
@@ -165,11 +171,10 @@ def elastic_flights() -> Iterator[float]:
     start = Start(0.0, gap, speed, mesh=1)
     orbit = long_orbit.LongOrbit(bare(epsilon=1.0, gap1=gap, start=start))
     flight = 2.0 * gap / speed
-    for k in range(LONG_RUN_IMPACTS // STRETCH_IMPACTS):
-        s = orbit.stretch(STRETCH_IMPACTS, tangent=False)
+    for k, s in enumerate(_stretches(orbit, LONG_RUN_IMPACTS), start=1):
         yield farthest(s.flight, flight, flight)
         yield farthest(np.abs(s.before[:, :2]), [gap, speed], [gap, speed])
-        yield abs(math.remainder((k + 1) * STRETCH_IMPACTS * flight - s.phase[-1], 2.0 * math.pi))
+        yield abs(math.remainder(k * STRETCH_IMPACTS * flight - s.phase[-1], 2.0 * math.pi))
 
 
 def periodic_motion() -> Iterator[float]:
@@ -189,8 +194,7 @@ def periodic_motion() -> Iterator[float]:
     start = Start(phase, gap, -y0 / epsilon, mesh=1)
     scene = bare(alpha=alpha, epsilon=epsilon, gamma1=gamma, gap1=gap, start=start)
     orbit = long_orbit.LongOrbit(scene)
-    for _ in range(LONG_RUN_PERIODS // STRETCH_IMPACTS):
-        s = orbit.stretch(STRETCH_IMPACTS, tangent=False)
+    for s in _stretches(orbit, LONG_RUN_PERIODS):
         yield float(np.abs(np.angle(np.exp(1j * (s.phase - phase)))).max())
         yield farthest(s.before[:, 1], -y0 / epsilon, 1.0)
         yield farthest(s.flight, 2.0 * math.pi)
@@ -212,7 +216,7 @@ def _reach(run: montecarlo.Ensemble) -> float:
 
 
 # time of a flight from tau = 0, where the noise has no modulation yet: the most demanding flight
-FREE_FLIGHT = 0.2
+EXTREME_FLIGHT = 0.2
 FREE_DAMPINGS = (0.0, 1e-3, 0.1, 1.0, 10.0, 100.0, 1e3)
 FREE_STEPS = (1 / 8, 1.0)  # in units of the longest admissible one
 
@@ -230,14 +234,14 @@ def free_covariance() -> Iterator[float]:
             scene,
             paths=EXTREME_PATHS,
             impacts=1,
-            dt=FREE_FLIGHT / math.ceil(FREE_FLIGHT / (share * longest)),
+            dt=EXTREME_FLIGHT / math.ceil(EXTREME_FLIGHT / (share * longest)),
             scheme="exact-flight",
             rng=0,
-            sampling=Sampling(horizon=1.5 * FREE_FLIGHT),
-            record=Record(times=[FREE_FLIGHT]),
+            sampling=Sampling(horizon=1.5 * EXTREME_FLIGHT),
+            record=Record(times=[EXTREME_FLIGHT]),
         )
         row = run.at_times().iloc[0]
-        variances = flight.noise_covariance(scene.constants, 0.0, FREE_FLIGHT).diagonal()
+        variances = flight.noise_covariance(scene.constants, 0.0, EXTREME_FLIGHT).diagonal()
         for q, variance in zip(STATE, variances, strict=True):
             # what does not vary has no relative error
             if variance > 1e-12 * variances.max():

@@ -7,7 +7,7 @@ Steps are admissible and longer ones, and the default step.
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
-from functools import reduce
+from functools import partial, reduce
 from pathlib import Path
 from typing import Any, ClassVar, NamedTuple
 
@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from rattle.compare.engine.run import obtain_all
 from rattle.compare.engine.store import Cell
 from rattle.compare.judge.verdict import Tolerances, Verdict
+from rattle.compare.report.json_text import Facts
 from rattle.montecarlo import Ensemble, Sampling, default_step, largest_step, simulate
 from rattle.montecarlo.diagnostics.diagnostics import (
     COLLAPSE,
@@ -141,10 +142,8 @@ def _orbit(scene: Scene) -> Mapping[str, NDArray[Any]]:
     path = follow(scene, CHART_IMPACTS)
     columns = {str(name): column.to_numpy()[1:] for name, column in path.table.items()}
     columns["flight"] = path.flight[1:]
-    nothing = np.zeros(CHART_IMPACTS)
-    return columns | {
-        prefix + q: nothing for q in SECTION for prefix in ("sd_", "se_", "se_sd_", "kurt_")
-    }
+    spreads = [prefix + q for q in SECTION for prefix in ("sd_", "se_", "se_sd_", "kurt_")]
+    return columns | dict.fromkeys(spreads, np.zeros(CHART_IMPACTS))
 
 
 UNBIASED = "unbiased"
@@ -220,13 +219,14 @@ def _verdict(run: Ensemble, beside: Reference, z: float) -> tuple[str, float, fl
     a = run.columns
     b = beside.columns
     rows = []
-    for p, name, tolerance in (("", "mean", Tolerances().mean), ("sd_", "sd", Tolerances().sd)):
-        for q in SECTION:
-            unit = tolerance * beside.unit[q]
-            off = np.abs(a[p + q] - b[p + q]) / unit
-            half = z * np.hypot(a["se_" + p + q], b["se_" + p + q]) / unit
-            judged = np.flatnonzero(np.isfinite(unit))
-            rows += [(off[k], half[k], f"{name} of {q} at impact {k + 1}") for k in judged]
+    for prefix, moment in (("", "mean"), ("sd_", "sd")):
+        for quantity, size in beside.unit.items():
+            name = prefix + quantity
+            unit = getattr(Tolerances(), moment) * size
+            off = np.abs(a[name] - b[name]) / unit
+            half = z * np.hypot(a[f"se_{name}"], b[f"se_{name}"]) / unit
+            for k in np.flatnonzero(np.isfinite(unit)):
+                rows.append((off[k], half[k], f"{moment} of {quantity} at impact {k + 1}"))
     error, half = np.array([row[:2] for row in rows]).T
     where = ""
     decisive = error
@@ -241,19 +241,18 @@ def _verdict(run: Ensemble, beside: Reference, z: float) -> tuple[str, float, fl
     else:
         decisive = error + half
         verdict = UNBIASED if (decisive <= 1.0).all() else CHART_UNDECIDED
-    k = int(np.nan_to_num(decisive, nan=np.inf).argmax())
-    return verdict, float(error[k]), float(half[k]), where or rows[k][2]
+    worst = int(np.nan_to_num(decisive, nan=np.inf).argmax())
+    return verdict, float(error[worst]), float(half[worst]), where or rows[worst][2]
 
 
 def _describe_instability(run: Ensemble, beside: Reference) -> str:
     """Description of an instability; empty if there is none."""
     reached = np.isfinite(beside.columns["tau"])
-    if not all(
-        np.isfinite(run.columns[q][reached]).all() for q in ("tau", "y1", "y2", "sd_y1", "sd_y2")
-    ):
+    moments = [run.columns[q][reached] for q in ("tau", "y1", "y2", "sd_y1", "sd_y2")]
+    if not np.isfinite(moments).all():
         return "moments are not finite"
     ours, theirs = (
-        max(float(np.nanmax(np.hypot(c[y], c["sd_" + y]))) for y in ("y1", "y2"))
+        float(np.nanmax([np.hypot(c[y], c[f"sd_{y}"]) for y in ("y1", "y2")]))
         for c in (run.columns, beside.columns)
     )
     if ours > FAST * theirs:
@@ -318,13 +317,13 @@ class Place(Cell):
         return f"{self.axis} = {self.value:g}"
 
     @property
-    def settings(self) -> dict[str, Any]:
+    def settings(self) -> Facts:
         """Everything that determines the result besides the scene."""
         asked = asdict(self) | {"kind": "stability"}
         del asked["scene"]
         return asked
 
-    def evaluate(self, blocks: Blocks | None = None) -> tuple[pd.DataFrame, dict[str, Any]]:
+    def evaluate(self, blocks: Blocks | None = None) -> tuple[pd.DataFrame, Facts]:
         """Judge the cells."""
         scene = self.scene
         rows = []
@@ -332,23 +331,14 @@ class Place(Cell):
         outside = min(self.paths, OUTSIDE)
         enough = min(self.paths, OUTSIDE if scene.epsilon > 0.0 else BLOCK) if slow else self.paths
         beside = reference(scene, paths=REFERENCE * enough, seed=self.seed + 1, workers=1)
+        attempt = partial(judge, scene, beside, seed=self.seed, workers=1, z=self.z)
         for scheme in self.schemes:
             largest, why = largest_step(scene, scheme)
             default_dt = default_step(scene, scheme)
             steps = [(share * largest, share, False) for share in SHARES]
             for dt, share, default in (*steps, (default_dt, default_dt / largest, True)):
-                judged = judge(
-                    scene,
-                    beside,
-                    scheme=scheme,
-                    dt=dt,
-                    paths=enough if share <= 1.0 else outside,
-                    seed=self.seed,
-                    workers=1,
-                    z=self.z,
-                )
-                cell = (scheme, self.axis, self.value, dt, share, why, default)
-                rows.append((*cell, *judged))
+                judged = attempt(scheme=scheme, dt=dt, paths=enough if share <= 1.0 else outside)
+                rows.append((scheme, self.axis, self.value, dt, share, why, default, *judged))
         names = ["scheme", "axis", "value", "dt", "share", "why", "default", *Judged._fields]
         return pd.DataFrame(rows, columns=names), {}
 

@@ -21,7 +21,9 @@ from rattle.compare.checks.stability.chart import (
     UNSTABLE,
     Chart,
 )
-from rattle.compare.judge.verdict import Tolerances, join_words
+from rattle.compare.judge.verdict import Tolerances
+from rattle.compare.report.json_text import Facts
+from rattle.compare.report.render import render_sentences
 from rattle.compare.report.report import Report
 from rattle.compare.report.style import legend_above, new_figure
 from rattle.compare.report.texts import SCHEME_TERMS, glossary
@@ -55,11 +57,10 @@ def summary(table: pd.DataFrame) -> Drawing:
         containers: Any = ax.containers
         for bars in containers:
             ax.bar_label(bars, fmt=_nonzero, label_type="center", color="white", fontsize=8)
-        ax.set_ylabel("")
         ax.invert_yaxis()
         ax.grid(visible=False)
         ax.set_title(title, loc="left")
-        ax.set_xlabel("cells of the map")
+        ax.set(ylabel="", xlabel="cells of the map")
     panels[1].set_yticklabels([])
     legend_above(drawn, panels[:1], len(CHART_MARKS))
     return drawn
@@ -78,7 +79,7 @@ def figure(table: pd.DataFrame) -> Drawing:
         2.9 * len(axes) + 0.8, 2.7 * len(schemes) + 0.9, len(schemes), len(axes)
     )
     for ax, (scheme, axis) in zip(panels, product(schemes, axes), strict=True):
-        _draw_panel(ax, table[(table["scheme"] == scheme) & (table["axis"] == axis)])
+        _draw_panel(ax, table.query("scheme == @scheme and axis == @axis"))
         if axis == axes[0]:
             ax.set_ylabel(f"{scheme}\nstep dt")
         if scheme == schemes[-1]:
@@ -92,40 +93,39 @@ def figure(table: pd.DataFrame) -> Drawing:
 
 
 def _draw_panel(ax: Axes, part: pd.DataFrame) -> None:
-    values = list(dict.fromkeys(part["value"]))
-    longest = [
-        float(group["dt"].iloc[0] / group["share"].iloc[0])
-        for _, group in part.groupby("value", sort=False)
-    ]
+    longest = part["dt"] / part["share"]
+    longest = longest.groupby(part["value"], sort=False).first()
+    values = list(longest.index)
     ax.set_yscale("log")
     low = 0.4 * part["dt"].min()
     high = 2.5 * part["dt"].max()
     edges = [-0.5, *range(len(values)), len(values) - 0.5]
-    line = [longest[0], *longest, longest[-1]]
+    line = longest.iloc[[0, *range(len(values)), -1]]
     ax.fill_between(edges, line, high, color=REFUSED_COLOUR, lw=0)
     ax.plot(edges, line, color="k", lw=1.3)
-    for _, cell in part.iterrows():
-        style = CHART_MARKS[cell["verdict"]]
-        x = values.index(cell["value"]) + (BESIDE if cell["default"] else 0.0)
-        face = "white" if cell["diagnosed"] and cell["share"] <= 1.0 else style["color"]
-        size = 4.0 if cell["default"] else 5.5
-        ax.plot(
-            x, cell["dt"], style["marker"], ms=size, mec=style["color"], mfc=face, mew=1.2, ls=""
-        )
+    cells: Any = part.itertuples()
+    for cell in cells:
+        style = CHART_MARKS[cell.verdict]
+        x = values.index(cell.value) + (BESIDE if cell.default else 0.0)
+        face = "white" if cell.diagnosed and cell.share <= 1.0 else style["color"]
+        size = 4.0 if cell.default else 5.5
+        edge: Any = {"mec": style["color"], "mew": 1.2, "ls": ""}
+        ax.plot(x, cell.dt, style["marker"], ms=size, mfc=face, **edge)
     ax.set(ylim=(low, high), xlim=(-0.5, len(values) - 0.5))
     ax.set_xticks(range(len(values)), [f"{v:g}" for v in values], fontsize=7.5)
 
 
 def _legend(verdicts: set[str]) -> list[Line2D]:
     """The handles of the legend."""
-    marks: dict[str, dict[str, Any]] = {
+    marks: dict[str, Facts] = {
         name: {"ms": 6, **style} for name, style in CHART_MARKS.items() if name in verdicts
     }
-    marks["hollow: with a diagnostic"] = {"marker": "s", "ms": 6, "mfc": "white", "mec": "k"}
-    marks["longest admissible step"] = {"ls": "-", "lw": 1.3, "color": "k"}
-    marks["refused"] = {"marker": "s", "ms": 9, "color": REFUSED_COLOUR}
-    small = {"marker": "o", "ms": 4, "color": "k"}
-    marks["small, to the right: the default step"] = small
+    marks |= {
+        "hollow: with a diagnostic": {"marker": "s", "ms": 6, "mfc": "white", "mec": "k"},
+        "longest admissible step": {"ls": "-", "lw": 1.3, "color": "k"},
+        "refused": {"marker": "s", "ms": 9, "color": REFUSED_COLOUR},
+        "small, to the right: the default step": {"marker": "o", "ms": 4, "color": "k"},
+    }
     return [Line2D([], [], label=label, **{"ls": "", **style}) for label, style in marks.items()]
 
 
@@ -148,11 +148,9 @@ STABILITY_WORDS = (
 MARK = {UNBIASED: "good", BIASED: "bad", UNSTABLE: "bad", CHART_UNDECIDED: "open"}
 
 
-def answer(found: Chart) -> list[str]:
-    """Summarise the map in sentences."""
+def answer(found: Chart, tried: Sequence[Result] = ()) -> list[str]:
+    """Summarise the map, and the checks at extreme values, in sentences."""
     cells = found.admissible
-    undiagnosed = found.without_diagnostic
-    counts = cells["verdict"].value_counts().reindex(CHART_MARKS, fill_value=0)
     wrong = cells[cells["verdict"].isin((BIASED, UNSTABLE))]
     default = found.table[found.table["default"]]
     good = default["verdict"] == UNBIASED
@@ -165,40 +163,25 @@ def answer(found: Chart) -> list[str]:
         }
     )
     by_scheme = by_scheme.groupby(default["scheme"], sort=False).sum()
-    sentences = [
-        _advice(by_scheme),
-        f"With admissible steps {counts[UNBIASED]} of {len(cells)} cells are unbiased,"
-        f" {counts[CHART_UNDECIDED]} undecided, {counts[BIASED]} biased and"
-        f" {counts[UNSTABLE]} unstable;"
-        f" diagnostics report {wrong['diagnosed'].sum()} of these {len(wrong)} biased and unstable"
-        " cells.",
-    ]
-    if len(undiagnosed):
-        sentences.append(
-            f"{len(undiagnosed)} admissible cells are biased or unstable without a diagnostic: a"
-            " defect."
-        )
-    for row in by_scheme.itertuples():
-        sentences.append(
-            f"`{row.Index!s}` at its default step: {row.good} of {row.cells} cells shown to be"
-            f" unbiased, {row.diagnosed} others with a diagnostic."
-        )
-    return sentences
-
-
-def _advice(by_scheme: pd.DataFrame) -> str:
-    """Which scheme to take, by the cells at the default step."""
-    rows: Any = by_scheme.sort_values("good", ascending=False, kind="stable").itertuples()
-    best, *others = rows
-    counts = [f"{row.good} for `{row.Index}`" for row in others]
-    beside = f" (unbiased: {join_words(counts)})" if others else ""
-    return (
-        f"Take `{best.Index}`: at its default step {best.good} of {best.cells} scenes, extreme ones"
-        f" among them, are shown to be unbiased and {best.wrong or 'none'} to be biased{beside}."
+    best = by_scheme.sort_values("good", ascending=False, kind="stable")
+    return render_sentences(
+        "checks/stability/answer.j2",
+        UNBIASED=UNBIASED,
+        UNDECIDED=CHART_UNDECIDED,
+        BIASED=BIASED,
+        UNSTABLE=UNSTABLE,
+        best=list(best.itertuples()),
+        schemes=list(by_scheme.itertuples()),
+        counts=cells["verdict"].value_counts().reindex(CHART_MARKS, fill_value=0),
+        cells=len(cells),
+        wrong=len(wrong),
+        diagnosed=wrong["diagnosed"].sum(),
+        undiagnosed=len(found.without_diagnostic),
+        tried=tried,
     )
 
 
-def _extreme_row(result: Result) -> dict[str, Any]:
+def _extreme_row(result: Result) -> Facts:
     """A check at extreme values as a row of the page's table."""
     about = result.subject
     return {
@@ -213,20 +196,14 @@ def _extreme_row(result: Result) -> dict[str, Any]:
     }
 
 
-def make_report(found: Chart, tried: Sequence[Result], record: dict[str, Any]) -> Report:
+def make_report(found: Chart, tried: Sequence[Result], record: Facts) -> Report:
     """The report on the map."""
-    sentences = answer(found)
-    if tried:
-        sentences.append(
-            f"{sum(row.holds for row in tried)} of {len(tried)} extremes of the formulas and"
-            " samplers hold."
-        )
     cells = found.admissible[found.admissible["verdict"] != COLLAPSING]
     table = found.table.assign(
-        mark=[MARK.get(verdict, "open") for verdict in found.table["verdict"]],
+        mark=found.table["verdict"].map(MARK).fillna("open"),
         said=np.where(found.table["diagnosed"], "yes", "no"),
     )
-    content: dict[str, Any] = {
+    content: Facts = {
         "found": found,
         "impacts": CHART_IMPACTS,
         "within": Tolerances(),
@@ -240,7 +217,7 @@ def make_report(found: Chart, tried: Sequence[Result], record: dict[str, Any]) -
     return Report(
         "stability",
         "Where is each scheme stable and unbiased?",
-        sentences,
+        answer(found, tried),
         record,
         content,
         glossary(*STABILITY_WORDS, gears=Scene.from_dict(record["scene"]).gears),
