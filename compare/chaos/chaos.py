@@ -1,6 +1,5 @@
 """Chaos from Python: what ``rattle chaos`` measures, with its answer, its tables and its page."""
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,6 +13,7 @@ from rattle.compare.chaos.sweep import vary
 from rattle.compare.report.folder import name_of
 from rattle.compare.report.provenance import provenance
 from rattle.compare.report.save import save
+from rattle.montecarlo.looks import begin_budget
 from rattle.montecarlo.seed import Rng, read_whole_seed
 from rattle.scene import Scene, as_html, check_scene, compile_ahead, count, positive
 from rattle.scene.numpy_errors import numpy_defaults
@@ -93,9 +93,16 @@ class Chaos(ChaosStudy):
         """
         out = Path(folder)
         here = "chaos(...).report(...), in Python"
-        made = {"name": name_of(out), "scene": self.scene.to_dict(), "field": self.field}
-        time = {"wall_seconds": None, "cpu_seconds": None}
-        record = made | provenance() | time | {"command": here, "repeat": here}
+        record = {
+            "name": name_of(out),
+            "scene": self.scene.to_dict(),
+            "field": self.field,
+            **provenance(),
+            "wall_seconds": None,
+            "cpu_seconds": None,
+            "command": here,
+            "repeat": here,
+        }
         save(out, make_report(self, record), overwrite)
         return out / "chaos.html"
 
@@ -170,16 +177,12 @@ def chaos(
     compile_ahead.expect("chaos", len(scene.drive))
     scenes = vary(scene, field, over)
     positive("width", width)
-    for name, given, least in (
-        ("points", points, 100),
-        ("impacts", impacts, 20_000),
-        ("events", events, 128),
-    ):
-        count(name, given, least=least)
-    seconds = math.inf if budget is None else positive("budget", budget)
+    count("points", points, least=100)
+    count("impacts", impacts, least=20_000)
+    count("events", events, least=128)
+    seconds = begin_budget(budget).seconds
     seed = read_whole_seed(rng)
-    threads = count("workers", workers)
-    effort = Effort(points, impacts, events, width, seed, threads, seconds)
+    effort = Effort(points, impacts, events, width, seed, count("workers", workers), seconds)
     say = print_on_stderr if progress else str
     found = study(scene, scenes, field, effort, say, None if folder is None else Path(folder))
     return Chaos(**vars(found))

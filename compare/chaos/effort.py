@@ -27,7 +27,7 @@ NOISY_STEP_SECONDS = 0.24e-6
 EVENT_SECONDS = 60e-6
 VALUE_SECONDS = 0.8
 CHAOS_SHARE = 0.8  # of the budget; the rest is for what nobody counts
-WEIGHTS = {"exponents": 1.0, "sections": 1.5, "spectra": 1.5, "events": 1.5, "sweep": 4.5}
+PART_WEIGHTS = {"exponents": 1.0, "sections": 1.5, "spectra": 1.5, "events": 1.5, "sweep": 4.5}
 """Weights by which the parts share what is left."""
 FEWEST_OF_SECTION = 1000
 FEWEST_OF_SPECTRA = 20_000
@@ -54,13 +54,14 @@ class Sizes(CountedWork):
     def __init__(self, effort: Effort, sweeps: bool) -> None:
         super().__init__(effort.budget, CHAOS_SHARE)
         self.effort = effort
-        self._weights = dict(WEIGHTS)
+        self._weights = dict(PART_WEIGHTS)
         if not sweeps:
             del self._weights["sweep"]
 
     def _share(self, part: str) -> float:
         """Core-seconds for a part, of what the parts before it have left."""
-        return self.left * self._weights.pop(part) / (sum(self._weights.values()) + WEIGHTS[part])
+        weight = self._weights.pop(part)
+        return self.left * weight / (sum(self._weights.values()) + weight)
 
     def longest(self) -> int:
         """The longest record of the exponents, in impacts."""

@@ -119,15 +119,15 @@ def _spectrum(ax: Axes, s: Spectrum, side: str, highest: float) -> None:
     image: Any = {"data": s.table.query("frequency <= @highest"), "rasterized": True}
     colour = SIDE[side]["color"]
     dashes = "--" if side == NOISY else ":"
-    band: Any = {"alpha": 0.25, "lw": 0, "label": f"{side}: 95 % band"}
-    ax.fill_between("frequency", "low", "high", color=colour, **band, **image)
+    band: Any = {"color": colour, "alpha": 0.25, "lw": 0, "label": f"{side}: 95 % band"}
+    ax.fill_between("frequency", "low", "high", **band, **image)
     ax.plot("frequency", "power", color=colour, lw=0.7, label=side, **image)
     ax.plot("frequency", "floor", color="k", lw=0.9, ls=dashes, label=f"{side}: floor", **image)
     strongest = s.lines[s.lines["frequency"] <= highest]["frequency"].head(12)
     if len(strongest):
         above = 2.0 * s.power[np.searchsorted(s.frequency, strongest).clip(0, s.power.size - 1)]
-        marks: Any = {"ls": "none", "ms": 4, "mfc": "none", "zorder": 3, **SIDE[side]}
-        ax.plot(strongest, above, label=f"{side}: line", **marks)
+        label = f"{side}: line"
+        ax.plot(strongest, above, ls="none", ms=4, mfc="none", zorder=3, label=label, **SIDE[side])
 
 
 def _lines(ax: Axes, table: pd.DataFrame, field: str) -> None:
@@ -140,18 +140,11 @@ def _lines(ax: Axes, table: pd.DataFrame, field: str) -> None:
         if of == ORBIT_SECTION:
             sticks = rows["regime"].isin((STICKS_OFTEN, STICKS_FOR_GOOD)).to_numpy()
             _mark_values(ax, rows[field].to_numpy(), sticks)
-            ring: Any = {"ls": "none", "ms": 3.5, "mfc": "none", **SIDE[of]}
             label = "orbit that sticks at times: between sticking phases"
-            at_times: Any = rows[rows["regime"] == STICKS_AT_TIMES]
-            ax.plot(field, "largest", data=at_times, label=label, **ring)
+            ring: Any = {"label": label, "ls": "none", "ms": 3.5, "mfc": "none", **SIDE[of]}
+            ax.plot(field, "largest", data=rows[rows["regime"] == STICKS_AT_TIMES], **ring)
     ax.axhline(0.0, color="k", lw=0.8)
     ax.set_ylabel(r"largest exponent ($\omega$)")
-
-
-def _field_edges(at: Floats) -> Floats:
-    """Edges of the cells around the values of a field."""
-    half = _half_cell(at)
-    return np.concatenate([[at[0] - half], 0.5 * (at[1:] + at[:-1]), [at[-1] + half]])
 
 
 def _half_cell(at: Floats) -> float:
@@ -194,7 +187,9 @@ def bifurcation_figure(
     factor, unit = speed_unit(gears)
     rows = len(b.cells) + (table is not None)
     figure, axes = new_figure(8.0, 2.6 * rows + 0.4, rows, 1)
-    x = _field_edges(b.at)
+    at = b.at
+    half = _half_cell(at)
+    x = np.concatenate([[at[0] - half], 0.5 * (at[1:] + at[:-1]), [at[-1] + half]])
     for ax, (side, cells) in zip(axes, b.cells.items(), strict=False):
         whole = cells.sum(axis=1, keepdims=True)
         share = cells / np.where(whole > 0.0, whole, 1.0)
@@ -202,7 +197,7 @@ def bifurcation_figure(
             highest = float(share.max())
             draw_cells(ax, x, factor * b.edges, share, LEAST_DENSITY * highest, highest)
         lost = np.array(b.reasons[side]) != ""
-        _mark_values(ax, b.at, lost, "no stationary motion")
+        _mark_values(ax, at, lost, "no stationary motion")
         ax.set_title(side, loc="left", color=SIDE[side]["color"], fontweight="bold")
         label_velocity(ax, 1, unit, fontsize=8)
     if table is not None:
@@ -228,13 +223,13 @@ def finite_size_figure(table: pd.DataFrame, orbit: Exponents, drift: Exponents) 
     figure, (ax,) = new_figure(6.4, 4.4, 1, 1)
     label = r"finite-size exponent $\lambda(\delta)$ of the noisy system"
     _intervals(ax, table, "exponent", ls="-", lw=1.0, label=label)
-    largest = {
-        "orbit: largest Lyapunov exponent": (orbit, "-"),
-        "drift's linearisation: largest": (drift, ":"),
-    }
-    for name, (exponents, style) in largest.items():
+    colour = SIDE[ORBIT_SECTION]["color"]
+    for exponents, style, name in (
+        (orbit, "-", "orbit: largest Lyapunov exponent"),
+        (drift, ":", "drift's linearisation: largest"),
+    ):
         if (value := exponents.largest[0]) > 0.0:
-            ax.axhline(value, color=SIDE[ORBIT_SECTION]["color"], ls=style, lw=1.3, label=name)
+            ax.axhline(value, color=colour, ls=style, lw=1.3, label=name)
     ax.set(xscale="log", yscale="log", ylabel=r"growth rate ($\omega$)")
     ax.set_xlabel(r"distance $\delta$ of two paths on the same noise ($\nu_1$)")
     legend_above(figure, [ax], 1)
@@ -248,8 +243,8 @@ def sqrt_law_figure(law: SqrtLaw) -> Figure:
     t: Any = law.table
     of_law = r"$(1+\epsilon)\,\sigma\,|m|\,\sqrt{\delta/|y|}$"
     of_a_map = r"$\delta$: a differentiable map"
-    marks: Any = {"ls": "none", "ms": 5, **SIDE[NOISY]}
-    ax.plot("delta", "apart", data=t, label="measured, root mean square", **marks)
+    label = "measured, root mean square"
+    ax.plot("delta", "apart", data=t, label=label, ls="none", ms=5, **SIDE[NOISY])
     ax.plot("delta", "law", data=t, color="k", lw=1.0, label=of_law)
     ax.plot("delta", "delta", data=t, color="0.5", lw=1.0, ls=":", label=of_a_map)
     ax.set(

@@ -29,7 +29,7 @@ from rattle.compare.chaos.exponents import (
 from rattle.compare.chaos.record import leave_out
 from rattle.compare.chaos.section import Section, sections
 from rattle.compare.chaos.spectrum import Spectrum, spectra
-from rattle.compare.chaos.sweep import Bifurcation, bifurcation, sweep
+from rattle.compare.chaos.sweep import Bifurcation, FieldSweep
 from rattle.compare.report.texts import read_texts
 from rattle.montecarlo.kernel.blocks import Budget
 from rattle.scene import Scene
@@ -44,6 +44,10 @@ TOO_WIDE = 1.0
 MAPS: dict[str, dict[str, str]] = read_texts("chaos")["maps"]
 """Of each closure the map that it iterates, the exponents of its means, and how its second moments
 grow along it."""
+MAP_COLUMNS = [
+    *("closure", "map", "exponents", "largest", "low", "high", "moments"),
+    *("not_realizable", "leaves_gap", "too_wide", "ends", "followed"),
+]
 
 
 def mean_maps(scene: Scene, orbit: Exponents) -> pd.DataFrame:
@@ -61,22 +65,10 @@ def mean_maps(scene: Scene, orbit: Exponents) -> pd.DataFrame:
     walls = np.array(scene.windows)[: scene.stages] * (1.0 + 1e-9)
     rows = []
     for closure in closures_for(scene):
+        row: dict[str, Any] = {"closure": closure, **MAPS[closure], "followed": 0}
         # the means of `published` have dynamics of their own, different from the orbit's
-        value, low, high = (np.nan,) * 3 if closure == "published" else orbit.largest
-        row: dict[str, Any] = {
-            "closure": closure,
-            "map": MAPS[closure]["map"],
-            "exponents": MAPS[closure]["exponents"],
-            "largest": value,
-            "low": low,
-            "high": high,
-            "moments": MAPS[closure]["moments"],
-            "not_realizable": np.nan,
-            "leaves_gap": np.nan,
-            "too_wide": np.nan,
-            "ends": np.nan,
-            "followed": 0,
-        }
+        if closure != "published":
+            row |= zip(("largest", "low", "high"), orbit.largest, strict=True)
         # the cost of `branching` grows with every impact, and its components follow different
         # orbits
         if closure != "branching":
@@ -90,7 +82,7 @@ def mean_maps(scene: Scene, orbit: Exponents) -> pd.DataFrame:
             row["ends"] = m.trace.found
             row["followed"] = IMPACTS_FOLLOWED
         rows.append(row)
-    return pd.DataFrame(rows)
+    return pd.DataFrame(rows, columns=MAP_COLUMNS)
 
 
 def _first_impact(where: ArrayLike) -> float:
@@ -168,17 +160,12 @@ def study(
     if scenes:
         chosen, longest = sizes.sweep(scenes)
         guard = None if math.isinf(effort.budget) else limit
-        shared: dict[str, Any] = {
-            "seed": seed,
-            "workers": workers,
-            "folder": folder,
-            "limit": guard,
-        }
+        sweep = FieldSweep(chosen, field, seed, workers, folder, guard)
         progress(f"exponents at {len(chosen)} values of {field}")
-        swept = sweep(chosen, field, width=width, longest=longest, **shared)
+        swept = sweep.exponents(width, longest)
         progress(f"bifurcation diagram at {len(chosen)} values of {field}")
         with leave_out(missing, "the bifurcation diagram"):
-            view = bifurcation(chosen, field, **shared)
+            view = sweep.bifurcation()
     return ChaosStudy(
         scene,
         orbit,

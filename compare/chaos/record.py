@@ -14,14 +14,14 @@ from typing import TypeVar
 
 import numpy as np
 
-from rattle.compare.report.texts import read_texts
+from rattle.compare.report.render import render_text
 from rattle.montecarlo.coupling.paths import LongPath
 from rattle.scene import Floats, InputError, RattleError, Scene, count
 from rattle.scene.impact import MISSES, NONE
 from rattle.scene.long_orbit import LongOrbit
 from rattle.scene.orbit import follow
 from rattle.scene.tangent import Stretch
-from rattle.scene.text import percent
+from rattle.scene.text import line, percent
 
 T = TypeVar("T")
 R = TypeVar("R")
@@ -44,10 +44,6 @@ NOT_FOLLOWED = "not followed"
 """Kinds of motion: impacts go on; so they do between rare sticking phases; between phases so
 frequent that there is no record of the motion between; a mesh stays closed; there is no further
 impact; this method cannot follow it."""
-
-
-MOTIONS: dict[str, str] = read_texts("chaos")["motions"]
-"""The kinds of motion as clauses with numbers."""
 
 
 class NoRecord(RattleError):
@@ -110,15 +106,10 @@ class Regime:
     def reason(self) -> str:
         """The kind of motion as a clause with numbers."""
         noisy = self.sticking_steps > 0 and self.kind in (STICKS_AT_TIMES, STICKS_OFTEN)
-        return MOTIONS[f"{self.kind}, noisy" if noisy else self.kind].format(
-            r=self,
-            times="times" if self.stuck > 1 else "time",
-            transient=(
-                f", the first {self.transient:,} of them a transient" if self.transient else ""
-            ),
-            closed=percent(self.sticking_steps / self.steps if noisy else self.closed),
-            silent=MISSES[NONE],
+        text = render_text(
+            "chaos/motion.j2", r=self, noisy=noisy, percent=percent, silent=MISSES[NONE]
         )
+        return line(text)
 
     @property
     def brief(self) -> str:
@@ -217,3 +208,21 @@ def noisy_record(
             regime.end = SILENT
             return
         yield s, velocity
+
+
+def read_orbit(scene: Scene, impacts: int) -> Iterator[Stretch]:
+    """The record of an orbit without tangents; raises the reason where it has none."""
+    regime = Regime()
+    yield from orbit_record(scene, impacts, regime, tangent=False)
+    regime.require()
+
+
+def read_path(
+    scene: Scene, seed: int, path: int, *, impacts: int, steps: int = 0
+) -> Iterator[tuple[Stretch, Floats]]:
+    """The record of a noisy path without tangents; raises the reason where it has none."""
+    regime = Regime()
+    yield from noisy_record(
+        scene, seed, regime, impacts=impacts, steps=steps, path=path, tangent=False
+    )
+    regime.require()

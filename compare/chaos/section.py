@@ -14,15 +14,9 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from rattle.closure import mean_map
-from rattle.compare.chaos.record import (
-    NoRecord,
-    Regime,
-    in_threads,
-    leave_out,
-    noisy_record,
-    orbit_record,
-)
+from rattle.compare.chaos.record import NoRecord, in_threads, leave_out, read_orbit, read_path
 from rattle.scene import Floats, Ints, Scene
+from rattle.scene.tangent import Stretch
 
 ORBIT_SECTION = "orbit"
 MAP = "mean map (corrected)"
@@ -75,36 +69,11 @@ class Section:
         return tabulate_cells(self.side, self.counts, "count", axes)
 
 
-def _section(
-    side: str, stages: int, edges: tuple[Floats, Floats], record: Iterable[tuple[Floats, Floats]]
-) -> Section:
-    """Count points, given as flight times and states before the impact, as they come."""
-    counts = np.zeros((stages, *(edge.size - 1 for edge in edges)), np.int64)
-    points = 0
-    for flight, before in record:
-        points += flight.size
-        for count, velocity in zip(counts, before.T[1::2], strict=False):
-            count += np.histogram2d(flight, velocity, edges)[0].astype(np.int64)
-    return Section(side, *edges, counts, points)
-
-
-def _orbit_points(scene: Scene, points: int) -> Iterator[tuple[Floats, Floats]]:
-    """Points of the orbit; raises the reason where it has none."""
-    regime = Regime()
-    for s in orbit_record(scene, points, regime, tangent=False):
-        yield s.flight, s.before
-    regime.require()
-
-
-def _noisy_points(
-    scene: Scene, points: int, seed: int, path: int
-) -> Iterator[tuple[Floats, Floats]]:
-    """Points of a noisy path; raises the reason where it has none."""
-    regime = Regime()
-    for s, _ in noisy_record(scene, seed, regime, impacts=points, path=path, tangent=False):
-        yield s.flight[:points], s.before[:points]
-        points -= s.flight.size
-    regime.require()
+def _noisy_points(scene: Scene, points: int, seed: int, path: int) -> Iterator[Stretch]:
+    """Points of a noisy path."""
+    for stretch, _ in read_path(scene, seed, path, impacts=points):
+        yield stretch.first(points)
+        points -= stretch.flight.size
 
 
 def frame(scene: Scene, seed: int) -> tuple[Floats, Floats]:
@@ -113,16 +82,16 @@ def frame(scene: Scene, seed: int) -> tuple[Floats, Floats]:
 
     Shapes: result (bins + 1,).
     """
-    pilot: list[tuple[Floats, Floats]] = []
+    pilot: list[Stretch] = []
     with suppress(NoRecord):
-        pilot += _orbit_points(scene, AXIS_POINTS)
+        pilot += read_orbit(scene, AXIS_POINTS)
     try:
         pilot += _noisy_points(scene, AXIS_POINTS, seed, NOISY_PATHS)
     except NoRecord:
         if not pilot:
             raise
-    flight = np.concatenate([f for f, _ in pilot])
-    velocity = np.concatenate([b[:, 1 : 2 * scene.stages : 2].ravel() for _, b in pilot])
+    flight = np.concatenate([s.flight for s in pilot])
+    velocity = np.concatenate([s.before[:, 1 : 2 * scene.stages : 2].ravel() for s in pilot])
     low, high = np.quantile(velocity, [1e-4, 1.0 - 1e-4])
     room = AXIS_MARGIN * (high - low)
     longest = (1.0 + AXIS_MARGIN) * float(np.quantile(flight, 1.0 - 1e-4))
@@ -147,8 +116,15 @@ def sections(
     the noisy system if its path has none.
     """
 
-    def count(side: str, record: Iterable[tuple[Floats, Floats]]) -> Section:
-        return _section(side, scene.stages, edges, record)
+    def count(side: str, record: Iterable[Stretch]) -> Section:
+        """Count points as they come."""
+        counts = np.zeros((scene.stages, SECTION_BINS, SECTION_BINS), np.int64)
+        points = 0
+        for stretch in record:
+            points += stretch.flight.size
+            for cells, velocity in zip(counts, stretch.before.T[1::2], strict=False):
+                cells += np.histogram2d(stretch.flight, velocity, edges)[0].astype(np.int64)
+        return Section(side, *edges, counts, points)
 
     def count_path(path: int) -> Ints:
         share = points // NOISY_PATHS + (path < points % NOISY_PATHS)
@@ -158,10 +134,11 @@ def sections(
     with leave_out(missing, "the Poincaré sections"):
         edges = frame(scene, seed)
         with leave_out(missing, "the Poincaré section of the orbit"):
-            drawn[ORBIT_SECTION] = count(ORBIT_SECTION, _orbit_points(scene, points))
+            drawn[ORBIT_SECTION] = count(ORBIT_SECTION, read_orbit(scene, points))
             if scene.sigma > 0.0:
                 t = mean_map(scene, impacts=MAP_POINTS, closure="corrected").trace
-                mapped = np.diff(t.tau[: t.found + 1]), t.mean[1 : t.found + 1]
+                flight = np.diff(t.tau[: t.found + 1])
+                mapped = Stretch.empty(0)._replace(flight=flight, before=t.mean[1 : t.found + 1])
                 drawn[MAP] = count(MAP, [mapped])
         with leave_out(missing, "the Poincaré section of the noisy system"):
             counts = np.sum(in_threads(workers, count_path, range(NOISY_PATHS)), axis=0)

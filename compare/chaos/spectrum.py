@@ -15,14 +15,7 @@ import pandas as pd
 from scipy import ndimage, signal
 from scipy.special import chdtri
 
-from rattle.compare.chaos.record import (
-    NoRecord,
-    Regime,
-    in_threads,
-    leave_out,
-    noisy_record,
-    orbit_record,
-)
+from rattle.compare.chaos.record import NoRecord, in_threads, leave_out, read_orbit, read_path
 from rattle.compare.chaos.section import NOISY, ORBIT_SECTION
 from rattle.montecarlo.coupling.dyadic import step_time
 from rattle.montecarlo.statistics.intervals import CONFIDENCE
@@ -189,27 +182,14 @@ def spectra(
     h = step_time(scene)
 
     def orbit() -> list[tuple[Floats, Floats]]:
-        regime = Regime()
-        record = orbit_record(scene, impacts, regime, tangent=False)
-        pieces = [(s.before[:, 1::2], velocities(scene, s, h)) for s in record]
-        regime.require()
-        return pieces
+        return [(s.before[:, 1::2], velocities(scene, s, h)) for s in read_orbit(scene, impacts)]
 
-    def noisy(path: int) -> tuple[Floats, Floats]:
-        regime = Regime()
-        record = noisy_record(
-            scene,
-            seed,
-            regime,
-            impacts=math.ceil(impacts / SPECTRUM_PATHS),
-            steps=segments * SEGMENT[VELOCITY_IN_TIME],
-            path=path,
-            tangent=False,
-        )
+    def noisy(path: int) -> Any:
+        of_path = math.ceil(impacts / SPECTRUM_PATHS)
+        steps = segments * SEGMENT[VELOCITY_IN_TIME]
+        record = read_path(scene, seed, path, impacts=of_path, steps=steps)
         pieces = [(s.before[:, 1::2], velocity) for s, velocity in record]
-        regime.require()
-        sequence, time = map(np.concatenate, zip(*pieces, strict=True))
-        return sequence, time
+        return map(np.concatenate, zip(*pieces, strict=True))
 
     power: dict[tuple[str, str, str], Spectrum] = {}
     for side, pieces_of in (

@@ -7,6 +7,7 @@ A bifurcation diagram has the velocity before the impacts alone, as counts or as
 import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, fields
+from functools import partial
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -97,12 +98,9 @@ class ExponentsAt(AtValue):
     def evaluate(self, blocks: Blocks | None = None) -> tuple[pd.DataFrame, dict[str, Any]]:
         """Measure them."""
         scene = self.scene
-        width = self.width
-        longest = self.longest
-        orbit = lyapunov(scene, width=width, longest=longest).table[:1]
-        path = drift_exponents(scene, width=width, longest=longest, seed=self.seed)
-        drift = path.table[:1]
-        rows = [orbit, orbit.assign(of="mean map (corrected, saltation)"), drift]
+        orbit = lyapunov(scene, width=self.width, longest=self.longest).table[:1]
+        path = drift_exponents(scene, width=self.width, longest=self.longest, seed=self.seed)
+        rows = [orbit, orbit.assign(of="mean map (corrected, saltation)"), path.table[:1]]
         if scene.sigma > 0.0 and "published" in closures_for(scene):
             m = mean_map(scene, impacts=PUBLISHED_IMPACTS, closure="published")
             how = "realizable throughout"
@@ -143,33 +141,6 @@ class VelocitiesAt(AtValue):
         return table.reset_index(drop=True), {"reasons": reasons, "brief": path.brief}
 
 
-def sweep(
-    scenes: Mapping[float, Scene],
-    field: str = "alpha",
-    *,
-    width: float = 0.01,
-    longest: int = LONGEST_RECORD,
-    seed: int = 0,
-    workers: int = 2,
-    folder: Path | None = None,
-    limit: Budget | None = None,
-) -> pd.DataFrame:
-    """Compute the largest exponent over a field: of the orbit, the mean maps, and the drift along a
-    noisy path.
-
-    `scenes`: As of `vary`. `width`: Required width of the interval of each largest exponent; wider
-    ones are reported as they are, as after `longest` impacts. `folder`: Where results are stored.
-    `limit`: Time after which no further value is begun, both ends first. Returns: Columns: the
-    field, ``of`` (the linearised system), ``largest, low, high`` (largest exponent and its 95 %
-    interval; NaN where there is no record), ``rate, sum_error, impacts`` as of `Exponents`, and
-    ``regime, reason`` as of `Regime`.
-    """
-    cells = {at: ExponentsAt(scene, at, seed, width, longest) for at, scene in scenes.items()}
-    tables = {at: one.table for at, one in _obtain(cells, folder, workers, limit).items()}
-    table: pd.DataFrame = pd.concat(tables, names=[field]).reset_index(field)
-    return table.reset_index(drop=True)
-
-
 @dataclass(frozen=True)
 class Bifurcation:
     """A histogram of the velocity before an impact for each value of a field, of the orbit and with
@@ -194,55 +165,66 @@ class Bifurcation:
         return pd.concat(parts, ignore_index=True)
 
 
-def bifurcation(
-    scenes: Mapping[float, Scene],
-    field: str = "alpha",
-    *,
-    points: int = 10_000,
-    seed: int = 0,
-    workers: int = 2,
-    folder: Path | None = None,
-    limit: Budget | None = None,
-) -> Bifurcation:
-    """Count the velocity y1 before the impacts of the orbit and of the noisy system at both meshes.
+@dataclass(frozen=True)
+class FieldSweep:
+    """What is measured over a field: both ends first, the other values as long as a budget
+    allows."""
 
-    `scenes`: By value of the field, as of `vary`. `folder`: Where results are stored. `limit`: Time
-    after which no further value is begun, both ends first.
-    """
-    cells = {at: VelocitiesAt(scene, at, seed, points) for at, scene in scenes.items()}
-    done = _obtain(cells, folder, workers, limit)
-    at = list(done.values())
-    velocities = np.concatenate([content.table["y1"] for content in at])
-    if velocities.size == 0:
-        raise NoRecord(f"the noisy path {at[0].facts['brief']}")
-    low, high = np.quantile(velocities, [1e-4, 1.0 - 1e-4])
-    edges = np.linspace(low, high, SECTION_BINS + 1)
-    counts = {}
-    reasons = {}
-    for side in (ORBIT_SECTION, NOISY):
-        tables = (content.table for content in at)
-        counts[side] = np.array(
-            [np.histogram(table["y1"][table["side"] == side], edges)[0] for table in tables]
-        )
-        reasons[side] = [content.facts["reasons"][side] for content in at]
-    return Bifurcation(field, np.array(list(done)), edges, counts, reasons, ("y1", "count"))
+    scenes: Mapping[float, Scene]  # by value of the field, as of `vary`
+    field: str = "alpha"
+    seed: int = 0
+    workers: int = 2
+    folder: Path | None = None  # where results are stored
+    limit: Budget | None = None  # time after which no further value is begun
 
+    def exponents(self, width: float = 0.01, longest: int = LONGEST_RECORD) -> pd.DataFrame:
+        """Compute the largest exponent of the orbit, the mean maps, and the drift along a noisy
+        path.
 
-def _obtain(
-    cells: Mapping[float, Cell], folder: Path | None, workers: int, limit: Budget | None
-) -> dict[float, Content]:
-    """The results by value, in the order of the values; the ends are computed first, the others as
-    long as a budget allows."""
-    order = order_ends_first(list(cells))
-    contents: dict[float, Content] = {}
-    at_once = len(order) if limit is None else 2 * workers
-    for first in range(0, len(order), at_once):
-        if contents and limit is not None and limit.remaining <= 0.0:
-            break
-        part = order[first : first + at_once]
-        obtained = obtain_all([cells[at] for at in part], folder, workers)
-        contents |= zip(part, obtained, strict=True)
-    return {at: contents[at] for at in cells if at in contents}
+        `width`: Required width of the interval of each largest exponent; wider ones are reported as
+        they are, as after `longest` impacts. Returns: Columns: the field, ``of`` (the linearised
+        system), ``largest, low, high`` (largest exponent and its 95 % interval; NaN where there is
+        no record), ``rate, sum_error, impacts`` as of `Exponents`, and ``regime, reason`` as of
+        `Regime`.
+        """
+        done = self._obtain(lambda at, scene: ExponentsAt(scene, at, self.seed, width, longest))
+        tables = {at: content.table for at, content in done.items()}
+        table: pd.DataFrame = pd.concat(tables, names=[self.field]).reset_index(self.field)
+        return table.reset_index(drop=True)
+
+    def bifurcation(self, points: int = 10_000) -> Bifurcation:
+        """Count the velocity y1 before the impacts of the orbit and of the noisy system at both
+        meshes."""
+        done = self._obtain(lambda at, scene: VelocitiesAt(scene, at, self.seed, points))
+        contents = list(done.values())
+        velocities = np.concatenate([content.table["y1"] for content in contents])
+        if velocities.size == 0:
+            raise NoRecord(f"the noisy path {contents[0].facts['brief']}")
+        low, high = np.quantile(velocities, [1e-4, 1.0 - 1e-4])
+        edges = np.linspace(low, high, SECTION_BINS + 1)
+        counts = {}
+        reasons = {}
+        for side in (ORBIT_SECTION, NOISY):
+            tables = (content.table for content in contents)
+            counts[side] = np.array(
+                [np.histogram(table["y1"][table["side"] == side], edges)[0] for table in tables]
+            )
+            reasons[side] = [content.facts["reasons"][side] for content in contents]
+        at = np.array(list(done))
+        return Bifurcation(self.field, at, edges, counts, reasons, ("y1", "count"))
+
+    def _obtain(self, cell_at: Callable[[float, Scene], Cell]) -> dict[float, Content]:
+        """The results by value, in the order of the values."""
+        order = order_ends_first(list(self.scenes))
+        contents: dict[float, Content] = {}
+        at_once = len(order) if self.limit is None else 2 * self.workers
+        for first in range(0, len(order), at_once):
+            if contents and self.limit is not None and self.limit.remaining <= 0.0:
+                break
+            part = order[first : first + at_once]
+            cells = [cell_at(at, self.scenes[at]) for at in part]
+            contents |= zip(part, obtain_all(cells, self.folder, self.workers), strict=True)
+        return {at: contents[at] for at in self.scenes if at in contents}
 
 
 def stationary_bifurcation(
@@ -251,14 +233,9 @@ def stationary_bifurcation(
     """Compute the density of the velocity y1 before the impacts at mesh 1, of the orbit and of the
     noisy long run."""
 
-    def follow_orbit(scene: Scene) -> tuple[Floats, Regime]:
-        return _orbit_velocities(scene, DENSITY_POINTS, (1,))
-
-    def follow_run(scene: Scene) -> tuple[Floats, Floats, str]:
-        return _density(scene, seed)
-
+    follow_orbit = partial(_orbit_velocities, impacts=DENSITY_POINTS, meshes=(1,))
     orbits = in_threads(workers, follow_orbit, scenes.values())
-    runs = in_threads(workers, follow_run, scenes.values())
+    runs = in_threads(workers, partial(_density, seed=seed), scenes.values())
     ends = np.concatenate([*(velocity for velocity, _ in orbits), *(run[0] for run in runs)])
     if ends.size == 0:
         rest = (

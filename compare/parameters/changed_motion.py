@@ -7,6 +7,7 @@ once, and a longer run costs only what it adds.
 
 import math
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -33,57 +34,29 @@ PROBED_PERIODS = 2
 QUIET_SECONDS = 2e-6  # nominal processor time of a period of a path without impacts: its steps
 
 
+@dataclass
 class Shared:
     """What all the scenes share: random numbers, groups, burn-in and scales.
 
     `burn_in`: periods that are left out. `base`: the paths of the unchanged scene.
     """
 
-    def __init__(
-        self,
-        scene: Scene,
-        slow: float,
-        seed: int,
-        groups: int,
-        limit: Budget,
-        pool: ThreadPoolExecutor,
-        bar: ProgressBar,
-    ) -> None:
-        self.scene = scene
-        self.slow = slow
-        self.groups = groups
-        self._seed = seed
-        self._limit = limit
-        self._pool = pool
-        self._bar = bar
-        self.base = self.begin(scene)
-        self.burn_in, scales = self._settle()
-        self._scales = scales
+    scene: Scene
+    slow: float
+    seed: int
+    groups: int
+    limit: Budget
+    pool: ThreadPoolExecutor
+    bar: ProgressBar
 
-    @property
-    def paths(self) -> int:
-        """Paths of each scene."""
-        return PATHS_OF_A_GROUP * self.groups
-
-    def begin(self, scene: Scene) -> LongPaths:
-        """New paths of a scene, with the random numbers that all share."""
-        stream = np.random.SeedSequence(self._seed)
-        slow = same_speed(self.slow, self.scene, scene)
-        quiet = quiet_of(scene, slow, None)
-        limit = self._limit
-        return LongPaths(scene, self.paths, stream, slow, quiet, limit, self._pool, self._bar)
-
-    def scales(self, slow: float) -> Scales:
-        """The scales of distributions, for a scene in which this speed is slow."""
-        return self._scales._replace(slow=slow)
-
-    def _settle(self) -> tuple[int, Scales]:
+    def __post_init__(self) -> None:
         """Find the burn-in and the scales on the unchanged scene.
 
         Changes of a few per cent leave the memory of a motion as it is, and all scenes begin in the
         same states, so that what the start leaves behind is the same in all of them.
         """
-        base = self.base
+        base = self.begin(self.scene)
+        self.base = base
         try:
             settled = settle(base, None)
         except AtRest as rest:
@@ -93,10 +66,26 @@ class Shared:
         base.begin()
         seen: list[Floats] = []
         base.follow(SCALE_PERIODS, seen)
-        scales = scales_of_pilot(np.concatenate(seen), self.slow)
-        base.begin(scales)
+        self._scales = scales_of_pilot(np.concatenate(seen), self.slow)
+        base.begin(self._scales)
         # its second quarter agrees with its second half; twice, for what the test cannot see
-        return 2 * max(settled.periods // 4, 1), scales
+        self.burn_in = 2 * max(settled.periods // 4, 1)
+
+    @property
+    def paths(self) -> int:
+        """Paths of each scene."""
+        return PATHS_OF_A_GROUP * self.groups
+
+    def begin(self, scene: Scene) -> LongPaths:
+        """New paths of a scene, with the random numbers that all share."""
+        stream = np.random.SeedSequence(self.seed)
+        slow = same_speed(self.slow, self.scene, scene)
+        quiet = quiet_of(scene, slow, None)
+        return LongPaths(scene, self.paths, stream, slow, quiet, self.limit, self.pool, self.bar)
+
+    def scales(self, slow: float) -> Scales:
+        """The scales of distributions, for a scene in which this speed is slow."""
+        return self._scales._replace(slow=slow)
 
 
 def count_work(scene: Scene, slow: float) -> float:
@@ -113,20 +102,17 @@ def count_work(scene: Scene, slow: float) -> float:
         return max(paths.nominal / few, QUIET_SECONDS)
 
 
+@dataclass
 class ChangedMotion:
-    """The motion with one parameter changed, or the motion as it is.
+    """The motion with one parameter changed, or the motion as it is."""
 
-    `name`, `factor`: the parameter, and what it is multiplied by. `why`: why there are no values.
-    """
-
-    def __init__(self, scene: Scene, name: str = "", factor: float = 1.0) -> None:
-        self.scene = scene
-        self.name = name
-        self.factor = factor
-        self.why = ""
-        self._exact: dict[str, float] = {}
-        self._paths: LongPaths | None = None
-        self._logs: tuple[int, Floats] = (0, np.empty(0))
+    scene: Scene
+    name: str = ""  # of the parameter
+    factor: float = 1.0  # what it is multiplied by
+    why: str = ""  # why there are no values
+    _exact: dict[str, float] = field(default_factory=dict)
+    _paths: LongPaths | None = None
+    _logs: tuple[int, Floats] = (0, np.empty(0))
 
     @property
     def periods(self) -> int:
@@ -137,10 +123,6 @@ class ChangedMotion:
     def is_exact(self) -> bool:
         """Whether nothing is sampled."""
         return bool(self._exact)
-
-    def nominal(self) -> float:
-        """Nominal processor time of a period; 0 where nothing is followed."""
-        return self._paths.nominal if self._paths and self.periods else 0.0
 
     def find_exact(self, slow: float) -> bool:
         """Whether nothing is random and the motion has exact values, which are kept."""

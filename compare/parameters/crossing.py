@@ -16,7 +16,7 @@ from rattle.compare.engine.run import Runner
 from rattle.compare.engine.store import open_store
 from rattle.compare.judge.verdict import Verdict
 from rattle.compare.parameters.boundary import check_search, seed_of
-from rattle.compare.parameters.finding import AlongParameter, after_number
+from rattle.compare.parameters.finding import AlongParameter
 from rattle.compare.parameters.search import (
     LOOK_SHARE,
     MOST_VALUES,
@@ -139,8 +139,8 @@ class Crossing(AlongParameter):
         *said, number = super().answer
         near = [f"{value:.3g}" for value in self._cross_estimates()]
         if near:
-            unit = after_number(self.unit)
-            said.append(f"By the estimates alone it crosses near {', '.join(near)}{unit}.")
+            places = f"{', '.join(near)} {self.unit}".rstrip()
+            said.append(f"By the estimates alone it crosses near {places}.")
         return [*said, number]
 
     def _cross_estimates(self) -> Iterator[float]:
@@ -256,8 +256,15 @@ def crossing(
 
         def run(paths: int, periods: int) -> LongResult:
             bar.set_postfix_str(f"{over} = {value:.4g}, {periods:,} periods of {paths} paths")
-            length = {"paths": paths, "periods": periods}
-            cell = LongCell(changed, its_seed, (), **length, slow=slow_there, limit=time_left)
+            cell = LongCell(
+                changed,
+                its_seed,
+                (),
+                paths=paths,
+                periods=periods,
+                slow=slow_there,
+                limit=time_left,
+            )
             result: LongResult = store.obtain(cell, runner.compute)
             return result
 

@@ -1,7 +1,5 @@
 """The figures of boundaries, maps, crossings and sensitivities."""
 
-from typing import Any
-
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
@@ -56,8 +54,9 @@ def _draw_search(
     figure, (ax,) = new_figure(7.4, 3.8, 1, 1)
     for verdict, rows in table.groupby("verdict"):
         ends = np.abs(rows[["low", "high"]].to_numpy().T - rows[column].to_numpy())
-        style: dict[str, Any] = {"fmt": "o", "ms": 4, "capsize": 2, "color": COLOURS[str(verdict)]}
-        ax.errorbar(rows["value"], rows[column], yerr=ends, label=str(verdict), **style)
+        name = str(verdict)
+        place = (rows["value"], rows[column], ends)
+        ax.errorbar(*place, fmt="o", ms=4, capsize=2, color=COLOURS[name], label=name)
     for edge in found.edges:
         ax.axvspan(*sorted(edge[:2]), color="0.5", alpha=0.3, lw=0, label=shaded)
     ax.set(xscale="log", xlabel=axis_label(found.over))
@@ -122,9 +121,13 @@ def tornado(table: pd.DataFrame, quantities: list[str]) -> Figure:
         colours = np.where(effect[0] < 0.0, LESS, MORE)
         colours[~bars["linear"].to_numpy(bool)] = BENT_COLOUR
         y = np.arange(len(bars))
-        errors = np.abs(effect[1:] - effect[0])
-        style = {"elinewidth": 1.0, "capsize": 2.0}
-        ax.barh(y, effect[0], color=list(colours), xerr=errors, error_kw=style)
+        ax.barh(
+            y,
+            effect[0],
+            color=list(colours),
+            xerr=np.abs(effect[1:] - effect[0]),
+            error_kw={"elinewidth": 1.0, "capsize": 2.0},
+        )
         ax.set_yticks(y, bars["parameter"])
         ax.axvline(0.0, color="0.3", lw=0.8)
         ax.set_title(quantity_words(quantity).removeprefix("the ").replace("`", ""), loc="left")

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 import pandas as pd
@@ -22,13 +22,9 @@ from rattle.compare.parameters.boundary import (
     boundary,
     state_effort,
 )
-from rattle.compare.parameters.finding import (
-    PARAMETER_TEXTS,
-    after_number,
-    list_values,
-)
 from rattle.compare.parameters.search import Edge
 from rattle.compare.report.finding import Finding
+from rattle.compare.report.render import render_sentences
 from rattle.compare.study.parameters import find_parameter, find_range
 from rattle.montecarlo.kernel.blocks import Blocks
 from rattle.montecarlo.seed import read_whole_seed
@@ -41,15 +37,6 @@ if TYPE_CHECKING:
 SEARCH_SETTINGS = ("between", "impacts", "points", "width", "tolerances", "rng")
 """Settings of every search; those of `boundary`."""
 NOWHERE = "nowhere accurate"
-
-
-class Found(NamedTuple):
-    """The outcome of one search."""
-
-    edges: tuple[Edge, ...]
-    points: pd.DataFrame
-    facts: dict[str, Any]  # ``path_steps, seconds``
-    failure: str = ""  # why there is none
 
 
 @dataclass(frozen=True)
@@ -88,12 +75,6 @@ class Search(Cell):
         limit = {"budget": budget and self.at_once * budget}
         found = boundary(self.scene, **self.asked | limit)
         return found.points, {"edges": found.edges, "path_steps": found.path_steps}
-
-    def restore(self, content: Content) -> Found:
-        """Turn a stored result back into edges."""
-        return Found(
-            tuple(Edge(*edge) for edge in content.facts["edges"]), content.table, content.facts
-        )
 
 
 @numpy_defaults
@@ -143,42 +124,19 @@ class BoundaryMap(Finding):
     @property
     def answer(self) -> list[str]:
         """The curve in words, and what is not known."""
-        texts = PARAMETER_TEXTS["edges"]
-        edges = self.curve.dropna(subset=["accurate", "wrong"])
-        said = []
-        stated = edges.index
-        if len(edges):
-            nowhere = self.curve[self.curve["why"] == NOWHERE]
-            stated = stated.union(nowhere.index)
-            headline = self._describe_edges(edges)
-            if len(nowhere):  # the least edge is not the least range of validity
-                where = self._places(nowhere["along"])
-                headline += texts["nowhere"].format(along=self.along, where=where)
-            said.append(f"{headline}.")
-        several = edges["along"][edges["along"].duplicated()].unique()
-        if len(several):
-            said.append(texts["several"].format(where=self._places(several)))
-        for why, rows in self.curve.drop(stated).groupby("why", sort=False):
-            said.append(texts["rest"].format(where=self._places(rows["along"]), why=why))
-        facts = {"number": len(self.points), "places": self.curve["along"].nunique()}
-        return [*said, texts["count"].format_map(vars(self) | facts)]
-
-    def _places(self, values: Any) -> str:
-        """Values of the second parameter."""
-        return f"{self.along} = {list_values(values)}{after_number(self.units[1])}"
-
-    def _describe_edges(self, edges: pd.DataFrame) -> str:
-        """Between which values the edges lie, and whether in one direction."""
-        over_unit, along_unit = map(after_number, self.units)
-        up = edges["accurate"] < edges["wrong"]
-        ends = edges.sort_values("accurate").iloc[[0, -1]]
-        low, high = (f"{value:.4g}{over_unit}" for value in ends["accurate"])
-        least, most = (f"{value:.4g}{along_unit}" for value in ends["along"])
-        facts = {"low": low, "high": high, "least": least, "most": most}
-        facts["way"] = "up to" if up.all() else "down to"
-        kind = "one_way" if up.nunique() == 1 else "both_ways"
-        text = PARAMETER_TEXTS["edges"]["same" if low == high else kind]
-        return str(text.format_map(vars(self) | facts))
+        curve = self.curve.assign(up=self.curve["accurate"] < self.curve["wrong"])
+        has_edge = curve[["accurate", "wrong"]].notna().all(axis="columns")
+        edges = curve[has_edge]
+        along = edges["along"]
+        return render_sentences(
+            "parameters/map_answer.j2",
+            found=self,
+            edges=edges.sort_values("accurate").to_dict("records"),
+            rest=curve[~has_edge].to_dict("records"),
+            several=along[along.duplicated()].unique().tolist(),
+            nowhere=NOWHERE,
+            number=len(self.points),
+        )
 
     def plot(self) -> "Figure":
         """Draw where the closure is accurate, where it is wrong, and what lies between.
@@ -288,7 +246,7 @@ def boundary_map(
         lowest = first.scene_at(find_range(first, between)[0])
         points = values * settings.get("points", SCAN_POINTS)
         state_effort("boundary", first, lowest, points, settings.get("impacts", BOUNDARY_IMPACTS))
-    searches: dict[int, Found] = {}
+    searches: dict[int, Content] = {}
     wave: dict[int, tuple[int, ...]] = {0: (), values - 1: ()}
     store = open_cells(Path(folder) if folder else None)
     while wave:
@@ -304,24 +262,24 @@ def boundary_map(
             raise RattleError(next(iter(failed.values())))
         for i, cell in cells.items():
             why = failed.get(cell.key)
-            searches[i] = Found((), pd.DataFrame(), {}, why) if why else store.read(cell)
+            nothing = Content(pd.DataFrame(), {"edges": [], "path_steps": 0, "failure": why})
+            searches[i] = nothing if why else store.read(cell)
         wave = {(i + j) // 2: (i, j) for i, j in pairwise(sorted(searches)) if j - i > 1}
     rows = []
     judged = []
     for i, search in sorted(searches.items()):
         rows += curve_rows(at[i], search)
-        judged += [search.points.assign(along=at[i])] if len(search.points) else []
-    steps = sum(search.facts.get("path_steps", 0) for search in searches.values())
-    curve = pd.DataFrame(rows)
+        judged += [search.table.assign(along=at[i])] if len(search.table) else []
+    table = pd.concat(judged, ignore_index=True)
+    steps = sum(search.facts["path_steps"] for search in searches.values())
     units = (first.unit, second.unit)
-    points_judged = pd.concat(judged, ignore_index=True)
-    return BoundaryMap(scene, method.name, over, along, curve, points_judged, steps, units)
+    return BoundaryMap(scene, method.name, over, along, pd.DataFrame(rows), table, steps, units)
 
 
-def expect(beside: Sequence[Found]) -> list[float]:
+def expect(beside: Sequence[Content]) -> list[float]:
     """Where edges are expected between two values of the second parameter, from those found at
     both."""
-    edges = [search.edges for search in beside]
+    edges = [search.facts["edges"] for search in beside]
     if len(edges) == 2 and len(edges[0]) == len(edges[1]):
         return [
             math.sqrt(u * v)
@@ -331,14 +289,14 @@ def expect(beside: Sequence[Found]) -> list[float]:
     return [value for one in edges for edge in one for value in edge[:2]]
 
 
-def curve_rows(value: float, search: Found) -> list[dict[str, Any]]:
+def curve_rows(value: float, search: Content) -> list[dict[str, Any]]:
     """The rows of one value of the second parameter."""
-    if search.edges:
-        return [{"along": value, **edge._asdict()} for edge in search.edges]
-    row = {"along": value, "accurate": math.nan, "wrong": math.nan, "why": search.failure}
-    if search.failure:
-        return [row]
-    points = search.points
+    if edges := search.facts["edges"]:
+        return [{"along": value, **Edge(*edge)._asdict()} for edge in edges]
+    row = {"along": value, "accurate": math.nan, "wrong": math.nan}
+    if failure := search.facts.get("failure"):
+        return [row | {"why": failure}]
+    points = search.table
     good, bad = (points.loc[points["verdict"] == verdict, "value"] for verdict in DECIDED)
     why = "accurate throughout" if len(good) else NOWHERE
     if len(good) + len(bad) < len(points):

@@ -15,9 +15,10 @@ import pandas as pd
 from rattle.closure.closure import Closure
 from rattle.closure.mean_map import find_closure, predict
 from rattle.compare.judge.verdict import JUDGED, Tolerances, judge
-from rattle.compare.parameters.finding import PARAMETER_TEXTS, by_error
+from rattle.compare.parameters.finding import by_error
 from rattle.compare.parameters.sensitivity import change_scenes, find_slopes
 from rattle.compare.report.finding import Finding
+from rattle.compare.report.render import render_sentences
 from rattle.compare.study.parameters import CHANGE, PERCENT, Parameter, choose_parameters
 from rattle.montecarlo import Sampling, default_step, simulate
 from rattle.montecarlo.diagnostics.accuracy import small_noise
@@ -92,17 +93,16 @@ class ClosureSensitivity(Finding):
     def answer(self) -> list[str]:
         """How many changes are accurate, and the worst, in sentences."""
         rows = self.table[self.table["verdict"].isin(JUDGED)]
-        if rows.empty:
-            return [f"`{self.closure}` predicts none of these changes."]
         number = rows["verdict"].value_counts()
-        counts = ", ".join(f"{number.get(verdict, 0)} {verdict}" for verdict in JUDGED)
-        worst = by_error(rows).iloc[0]
-        half = 0.5 * (worst["high"] - worst["low"])
-        facts = vars(self) | {"change": PERCENT, "number": len(rows), "counts": counts}
-        facts |= {**worst, "from": worst["simulated"] - half, "to": worst["simulated"] + half}
-        facts |= {"bent": int((~self.table["linear"]).sum()), "step": SIMULATED_CHANGES[1]}
-        texts = [PARAMETER_TEXTS["changes"][name] for name in ("counts", "worst", "paths", "bent")]
-        return [text.format_map(facts) for text in texts[: 4 if facts["bent"] else 3]]
+        return render_sentences(
+            "parameters/of_closure_answer.j2",
+            found=self,
+            change=PERCENT,
+            counts={verdict: number.get(verdict, 0) for verdict in JUDGED},
+            worst=None if rows.empty else by_error(rows).iloc[0],
+            bent=(~self.table["linear"]).sum(),
+            step=SIMULATED_CHANGES[1],
+        )
 
 
 @numpy_defaults
@@ -219,15 +219,11 @@ def closure_sensitivity(
         slope = _predict_slope(chosen[name], method, impacts)
         changed = values[1 + 4 * k : 5 + 4 * k].swapaxes(0, 1)  # (groups, down and up by step, …)
         for (m, q, i), predicted in np.ndenumerate(slope):
-            place = {
-                "parameter": name,
-                "impact": i + 1,
-                "quantity": SECTION[q],
-                "moment": CHANGED_MOMENTS[m],
-            }
             checks = slope.size * len(scenes)
             change = _change(predicted, changed[:, :, m, q, i], unit[q, i], checks, allowed[m])
-            rows.append(place | change)
+            change |= {"parameter": name, "impact": i + 1}
+            change |= {"quantity": SECTION[q], "moment": CHANGED_MOMENTS[m]}
+            rows.append(change)
     table = judge(pd.DataFrame(rows).assign(paths=float(groups * group_paths)))
     return ClosureSensitivity(scene, method.name, table[CHANGE_COLUMNS], groups * group_paths)
 

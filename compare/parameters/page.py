@@ -13,7 +13,7 @@ from rattle.compare.parameters.figures import tornado
 from rattle.compare.parameters.finding import PARAMETER_TEXTS, by_error
 from rattle.compare.parameters.map import BoundaryMap
 from rattle.compare.parameters.of_closure import SIMULATED_CHANGES, ClosureSensitivity
-from rattle.compare.parameters.sensitivity import Sensitivity
+from rattle.compare.parameters.sensitivity import EFFECTS, Sensitivity
 from rattle.compare.report.finding import Finding
 from rattle.compare.report.report import Report
 from rattle.compare.report.table import NO_VALUE
@@ -27,7 +27,6 @@ LONG_RUNS = {
     "looks": ", ".join(f"{n:,}" for n in crossing.PATH_PERIODS_OF_LOOKS),
     "most": search.MOST_VALUES,
 }
-SHARES = ["effect", "low", "high", "small_step", "large_step"]
 
 
 def _steps(steps: tuple[float, float]) -> dict[str, str]:
@@ -85,8 +84,8 @@ def _in_percent(table: pd.DataFrame) -> pd.DataFrame:
     """The effects as the page shows them."""
     shown = table.copy()
     shown["now"] = (table["value"].map("{:.4g} ".format) + table["unit"]).str.strip()
-    percents = (100.0 * table[SHARES]).map("{:+.3f} %".format, na_action="ignore")
-    shown[SHARES] = percents.fillna(NO_VALUE)
+    percents = (100.0 * table[EFFECTS]).map("{:+.3f} %".format, na_action="ignore")
+    shown[EFFECTS] = percents.fillna(NO_VALUE)
     shown["remark"] = shown["remark"].mask(shown["linear"].eq(False), "not linear here")
     return shown
 

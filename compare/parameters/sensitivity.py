@@ -17,8 +17,9 @@ from rattle.compare.parameters.changed_motion import (
     Shared,
     count_work,
 )
-from rattle.compare.parameters.finding import quantity_words, value_text
+from rattle.compare.parameters.finding import quantity_words
 from rattle.compare.report.finding import Finding
+from rattle.compare.report.render import render_sentences, render_text
 from rattle.compare.stationary.result import unit_of
 from rattle.compare.study.parameters import (
     CHANGE,
@@ -26,7 +27,6 @@ from rattle.compare.study.parameters import (
     RELATIVE_CHANGES,
     Parameter,
     choose_parameters,
-    find_parameter,
 )
 from rattle.montecarlo.kernel.blocks import Budget
 from rattle.montecarlo.long_run.estimates import all_names
@@ -41,9 +41,10 @@ from rattle.scene import (
     choice,
     compile_ahead,
     duration_text,
+    line,
     positive,
 )
-from rattle.scene.changes import same_speed
+from rattle.scene.changes import same_speed, words_of_value
 from rattle.scene.numpy_errors import numpy_defaults
 from rattle.scene.progress import ESTIMATES, ProgressBar, do
 
@@ -115,20 +116,17 @@ class Sensitivity(Finding):
     @property
     def answer(self) -> list[str]:
         """The strongest lever of each quantity, a sentence each, and what was simulated."""
-        said = []
-        for quantity, rows in self.table.dropna(subset="effect").groupby("quantity", sort=False):
-            row = rows.iloc[int(rows["effect"].abs().argmax())]
-            words = quantity_words(str(quantity))
-            if not (row["low"] > 0.0 or row["high"] < 0.0):
-                said.append(f"For {words} no effect is larger than its error.")
-                continue
-            lever = _effect_words(find_parameter(self.scene, row["parameter"]), row)
-            the = "" if lever.startswith("`") else "the "  # a field, or a parameter of the gears
-            now = value_text(*self.values.loc[str(quantity), ["value", "unit"]])
-            said.append(f"The strongest lever on {words} (now {now}) is {the}{lever}.")
-        if not said:
-            said.append("Nothing that was changed has an effect that can be stated.")
-        return [*said, self.said]
+        effects = self.table.dropna(subset="effect")
+        strongest = effects["effect"].abs().groupby(effects["quantity"], sort=False).idxmax()
+        return render_sentences(
+            "parameters/sensitivity_answer.j2",
+            strongest=effects.loc[strongest].to_dict("records"),
+            values=self.values,
+            said=self.said,
+            change=PERCENT,
+            quantity_words=quantity_words,
+            words_of_value=words_of_value,
+        )
 
     def of(self, quantity: str) -> pd.DataFrame:
         """The effects on one quantity, the strongest first.
@@ -163,16 +161,6 @@ class Sensitivity(Finding):
         from rattle.compare.parameters.figures import tornado
 
         return tornado(self.table, list(self.values.index))
-
-
-def _effect_words(parameter: Parameter, row: pd.Series) -> str:
-    half = 50.0 * (row["high"] - row["low"])
-    does = "takes {} % off it" if row["effect"] < 0.0 else "adds {} %"
-    digits = int(np.clip(1 - np.floor(np.log10(max(half, 1e-3))), 1, 3))
-    amount = f"{abs(100.0 * row['effect']):.{digits}f} ± {half:.{digits}f}"
-    bent = "" if row["linear"] else " (not linear here)"
-    now = value_text(parameter.value, parameter.unit)
-    return f"{parameter.words} (now {now}): {PERCENT} more {does.format(amount)}{bent}"
 
 
 def default_quantities(stages: int) -> tuple[str, ...]:
@@ -288,42 +276,37 @@ def sensitivity(
     return Sensitivity(scene, table, values_now, search.groups, reached, said)
 
 
+@dataclass
 class _Search:
     """The motions that are compared, and how far each is followed.
 
     How far is planned by counted work, so that the clock only ends what takes longer than expected.
-    `left_out`: parameters for which the budget was too small.
     """
 
-    def __init__(
-        self,
-        scene: Scene,
-        motions: dict[str, list[ChangedMotion]],
-        asked: list[str],
-        slow: float,
-        limit: Budget,
-    ) -> None:
-        self.motions = motions
-        self.asked = asked
-        self.base = ChangedMotion(scene)
-        self.groups = GROUP_NUMBERS[0]
-        self.left_out: list[str] = []
-        self._slow = slow
-        self._limit = limit
-        self._planned = PLANNED_SHARE * limit.seconds  # core-seconds that are left to plan
-        self._work = 0.0  # core-seconds of a period of a group
-        self._shared: Shared | None = None
+    scene: Scene
+    motions: dict[str, list[ChangedMotion]]
+    asked: list[str]
+    slow: float
+    limit: Budget
+    groups: int = GROUP_NUMBERS[0]
+    shared: Shared | None = None
+    _work: float = 0.0  # core-seconds of a period of a group
+
+    def __post_init__(self) -> None:
+        self.base = ChangedMotion(self.scene)
+        self.left_out: list[str] = []  # parameters for which the budget was too small
+        self._planned = PLANNED_SHARE * self.limit.seconds  # core-seconds that are left to plan
 
     def plan(self, pool: ThreadPoolExecutor, label: str | None) -> None:
         """Find what is exact, or choose the number of groups, and state what is expected."""
-        scene = self.base.scene
-        slow = self._slow
+        scene = self.scene
+        slow = self.slow
         changed = [motion for four in self.motions.values() for motion in four]
         if self.base.find_exact(slow):
             list(pool.map(lambda one: one.find_exact(same_speed(slow, scene, one.scene)), changed))
             return
         do("sensitivity: timing a few paths")
-        with self._limit.pause():
+        with self.limit.pause():
             self._work = PATHS_OF_A_GROUP * count_work(scene, slow)
         periods = len(changed) * WANTED_PERIODS + SETTLE_PERIODS
         room = FIRST_SHARE * self._planned
@@ -332,9 +315,9 @@ class _Search:
         if not label:
             return
         most = ""
-        if math.isfinite(self._limit.seconds):
-            most = f", {duration_text(self._limit.seconds)} at the most"
-        least = min(self.groups * self._work * periods, self._limit.seconds)
+        if math.isfinite(self.limit.seconds):
+            most = f", {duration_text(self.limit.seconds)} at the most"
+        least = min(self.groups * self._work * periods, self.limit.seconds)
         time = f"about {duration_text(least, 2)} of processor time at the least{most}"
         paths = PATHS_OF_A_GROUP * self.groups
         ESTIMATES.info("%s", f"{label}: {len(changed) + 1} motions of {paths} paths each, {time}")
@@ -350,9 +333,8 @@ class _Search:
         if not self._work:
             return
         do("sensitivity: the motion as it is")
-        scene = self.base.scene
-        shared = Shared(scene, self._slow, seed, self.groups, self._limit, inner, bar)
-        self._shared = shared
+        shared = Shared(self.scene, self.slow, seed, self.groups, self.limit, inner, bar)
+        self.shared = shared
         self._pool = pool
         self._bar = bar
         self._planned -= self.groups * self._work * shared.base.elapsed
@@ -388,14 +370,14 @@ class _Search:
             if 0 < periods < LONGEST_PERIODS and cost <= room:
                 room -= cost
                 until[str(name)] = 2 * periods
-        if not until or self._limit.remaining <= 0.0:
+        if not until or self.limit.remaining <= 0.0:
             return False
         self._follow(until, 0)
         return True
 
     def _follow(self, until: dict[str, int], burn_in: int) -> None:
         """Follow the motions of some parameters until so many periods after their burn-in."""
-        shared = self._shared
+        shared = self.shared
         assert shared is not None
         jobs = [
             (motion, periods) for name, periods in until.items() for motion in self.motions[name]
@@ -409,7 +391,7 @@ class _Search:
     def find_effects(self, chosen: dict[str, Parameter], remarks: dict[str, str]) -> pd.DataFrame:
         """The effects as far as the motions have been followed."""
         ended = "the budget ended before it was changed"
-        logs = {}
+        logs = {}  # of all quantities, by parameter; (groups, down and up by step, quantities)
         for name, four in self.motions.items():
             why = next((motion.why for motion in four if motion.why), "")
             unfinished = any(not (motion.periods or motion.is_exact) for motion in four)
@@ -419,29 +401,37 @@ class _Search:
                     self.left_out.append(name)
                 continue
             logs[name] = np.stack([one.logs(self.asked, self.groups) for one in four], axis=1)
-        return _effects(chosen, self.asked, logs, remarks)
+        rows = []
+        for i, quantity in enumerate(self.asked):
+            for name, parameter in chosen.items():
+                remark = remarks.get(name, "")
+                if not remark and not np.isfinite(logs[name][:, :, i]).all():
+                    remark = "no such impacts"
+                checks = len(chosen) * len(self.asked)
+                effect = {} if remark else _effect(logs[name][:, :, i], checks)
+                place = {"quantity": quantity, "parameter": name}
+                now = {"value": parameter.value, "unit": parameter.unit}
+                rows.append(place | now | effect | {"remark": remark})
+        numbers = [*EFFECTS, "se", "gain"]
+        table = pd.DataFrame(rows, columns=SENSITIVITY_COLUMNS)
+        return table.astype(dict.fromkeys(numbers, float))
 
     def describe(self, half: float, accuracy: float, reached: bool) -> str:
         """What was simulated, what it gives, and what a larger budget would give."""
-        four = [motion for motions in self.motions.values() for motion in motions]
-        if self._shared is None:
-            return "Without noise the motions are exact."
-        periods = [motion.periods for motion in four if motion.periods] or [0]
-        said = (
-            f"{self.groups} independent groups of {PATHS_OF_A_GROUP} paths of each of"
-            f" {len(four) + 1} motions, {min(periods)} to {max(periods)} periods after a burn-in of"
-            f" {self._shared.burn_in}; widest interval ± {half:.2g} for {PERCENT} of a parameter"
+        periods = [motion.periods for four in self.motions.values() for motion in four]
+        text = render_text(
+            "parameters/sensitivity_said.j2",
+            search=self,
+            paths=PATHS_OF_A_GROUP,
+            number=len(periods),
+            periods=[number for number in periods if number] or [0],
+            half=half,
+            change=PERCENT,
+            reached=reached,
+            accuracy=accuracy,
+            duration_text=duration_text,
         )
-        if reached:
-            return f"{said}."
-        said += f", NOT the {accuracy:g} asked for."
-        if self.left_out:
-            said += f" The budget ended before {', '.join(self.left_out)} could be changed."
-        if not math.isfinite(self._limit.seconds):
-            return said
-        longer = max((half / accuracy) ** 2, 2.0) if half > accuracy else 2.0
-        more = duration_text(longer * self._limit.seconds, 2)
-        return f"{said} A budget of about {more} of processor time would suffice."
+        return line(text)
 
 
 def change_scenes(parameter: Parameter, steps: tuple[float, float]) -> dict[float, Scene]:
@@ -451,32 +441,10 @@ def change_scenes(parameter: Parameter, steps: tuple[float, float]) -> dict[floa
 
 
 EFFECTS = ["effect", "low", "high", "small_step", "large_step"]
-
-
-def _effects(
-    chosen: dict[str, Parameter],
-    asked: list[str],
-    logs: dict[str, Floats],
-    remarks: dict[str, str],
-) -> pd.DataFrame:
-    """The table of a `Sensitivity`, from the logarithms of all quantities by parameter.
-
-    Shapes: `logs` (groups, down and up by step, quantities).
-    """
-    rows = []
-    for i, quantity in enumerate(asked):
-        for name, parameter in chosen.items():
-            remark = remarks.get(name, "")
-            if not remark and not np.isfinite(logs[name][:, :, i]).all():
-                remark = "no such impacts"
-            checks = len(chosen) * len(asked)
-            effect = {} if remark else _effect(logs[name][:, :, i], checks)
-            place = {"quantity": quantity, "parameter": name}
-            now = {"value": parameter.value, "unit": parameter.unit}
-            rows.append(place | now | effect | {"remark": remark})
-    numbers = ["effect", "se", "low", "high", "small_step", "large_step"]
-    columns = ["quantity", "parameter", "value", "unit", *numbers, "linear", "gain", "remark"]
-    return pd.DataFrame(rows, columns=columns).astype(dict.fromkeys([*numbers, "gain"], float))
+SENSITIVITY_COLUMNS = [
+    *("quantity", "parameter", "value", "unit", "effect", "se", "low", "high"),
+    *("small_step", "large_step", "linear", "gain", "remark"),
+]
 
 
 def _effect(logs: Floats, checks: int) -> dict[str, Any]:

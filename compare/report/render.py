@@ -11,7 +11,7 @@ import math
 import re
 from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, field
-from functools import partial
+from functools import cache, partial
 from importlib.resources import files
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -199,24 +199,30 @@ def make_environment(finalize: Callable[[Any], Any]) -> Environment:
     )
 
 
+@cache
+def _text_environment() -> Environment:
+    """Jinja's environment for plain text, in which nothing is escaped."""
+    environment = make_environment(str)
+    environment.autoescape = False
+    environment.filters |= {"form": format, "line": line}
+    environment.tests["finite"] = math.isfinite
+    return environment
+
+
+def render_text(template: str, **values: Any) -> str:
+    """A template as plain text."""
+    return _text_environment().get_template(template).render(values)
+
+
 def render_sentences(template: str, **values: Any) -> list[str]:
     """The sentences of an answer; in its template an empty line stands between two of them."""
-    text = _render_plain(template, values)
+    text = render_text(template, **values)
     return [line(sentence) for sentence in re.split(r"\n\s*\n", text) if sentence.strip()]
 
 
 def render_lines(template: str, **values: Any) -> list[str]:
     """What a command prints, a line for each line of its template that is not empty."""
-    return [row for row in _render_plain(template, values).split("\n") if row.strip()]
-
-
-def _render_plain(template: str, values: Mapping[str, Any]) -> str:
-    """A template of plain text, in which nothing is escaped."""
-    environment = make_environment(str)
-    environment.autoescape = False
-    environment.filters |= {"form": format, "line": line}
-    environment.tests["finite"] = math.isfinite
-    return environment.get_template(template).render(values)
+    return [row for row in render_text(template, **values).split("\n") if row.strip()]
 
 
 def _unless_made(change: Callable[[str], Any]) -> Callable[[Any], Any]:

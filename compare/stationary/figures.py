@@ -22,25 +22,23 @@ DEEP = 1e-3  # lower end of the colours of a density, relative to its highest
 LEGEND_WIDTH = 7.4  # inches, that the legend of a figure with one panel takes
 
 
-def draw(
-    run: LongRun,
-    table: pd.DataFrame,
-    laws: Mapping[str, Law | str],
-    verdicts: pd.DataFrame,
-    scatter: pd.DataFrame,
-    sets: Mapping[str, Floats],
-) -> dict[str, Figure]:
-    """All figures of a long run, of the table of its quantities, of what the closures say of them,
-    and of the scatter between gear sets: its quantiles, and the values of all sets by quantity."""
-    gears = run.scene.gears
+def draw(found: Any, scatter: pd.DataFrame, sets: Mapping[str, Floats]) -> dict[str, Figure]:
+    """All figures of a `Stationary` that was simulated.
+
+    `scatter`, `sets`: Of the scatter between gear sets its quantiles, and the values of all sets by
+    quantity.
+    """
+    run = found.run
+    gears = found.scene.gears
     out = {
-        "distribution": distribution_figure(run, laws, gears),
+        "distribution": distribution_figure(run, found.laws, gears),
         "section": section_figure(run.densities, gears),
     }
     if sets:
         out["scatter"] = scatter_figure(scatter, sets)
     if not run.is_scattered:
-        out["memory"] = memory_figure(table)
+        out["memory"] = memory_figure(found.table)
+    verdicts = found.verdicts
     if len(verdicts) and verdicts["predicted"].notna().any():
         out["closures"] = closure_figure(verdicts)
     return out
@@ -59,10 +57,17 @@ def distribution_figure(run: LongRun, laws: Mapping[str, Law | str], gears: Gear
         top = float((value + t * se).max())
         least = max(0.3 * float(value[value > 0.0].min()), 1e-6 * top)
         low, middle, high = np.maximum([value - t * se, value, value + t * se], least)
-        line: Any = {"color": SIMULATED_COLOUR, "lw": 1.2, "label": "simulation"}
-        band: Any = {"color": SIMULATED_COLOUR, "alpha": 0.25, "lw": 0, "fill": True}
-        ax.stairs(middle, edges, baseline=least, **line)
-        ax.stairs(high, edges, baseline=low, label="simulation: 95 % interval", **band)
+        ax.stairs(middle, edges, baseline=least, color=SIMULATED_COLOUR, lw=1.2, label="simulation")
+        ax.stairs(
+            high,
+            edges,
+            baseline=low,
+            color=SIMULATED_COLOUR,
+            alpha=0.25,
+            lw=0,
+            fill=True,
+            label="simulation: 95 % interval",
+        )
         ax.set(yscale="log", ylim=(least, 2.0 * top))
         for closure, law in laws.items():
             if isinstance(law, Law):
@@ -82,10 +87,10 @@ def _speeds(ax: Axes, law: Law, mesh: int, closure: str, edges: Floats, factor: 
     if not part.any():
         return
     mean = factor * np.average(law.speed[part], weights=law.weight[part])
-    style = {"color": STYLE[closure]["color"], "lw": 2.0, "label": f"{closure}: mean speed"}
+    colour = STYLE[closure]["color"]
     for at in (-mean, mean):
         if edges[0] <= at <= edges[-1]:
-            ax.axvline(at, ymax=0.12, **style)
+            ax.axvline(at, ymax=0.12, color=colour, lw=2.0, label=f"{closure}: mean speed")
 
 
 def section_figure(densities: Sequence[SectionDensity], gears: Gears | None) -> Figure:
@@ -119,8 +124,8 @@ def memory_figure(table: pd.DataFrame) -> Figure:
     figure, (ax,) = new_figure(7.0, 1.0 + 0.16 * len(rows), 1, 1)
     at = np.arange(len(rows))
     ax.plot(np.array([np.ones(len(rows)), rows["autocorrelation"]]), [at, at], color="0.75", lw=1.0)
-    marks = {"ls": "none", "marker": "o", "ms": 4, "color": STYLE["corrected"]["color"]}
-    ax.plot(rows["autocorrelation"], at, **marks)
+    colour = STYLE["corrected"]["color"]
+    ax.plot(rows["autocorrelation"], at, ls="none", marker="o", ms=4, color=colour)
     ax.axvline(1.0, color="k", lw=0.9)
     ax.set_yticks(at, rows.index, fontsize=7)
     ax.set(xscale="log", ylim=(-1.0, len(rows)))
@@ -136,12 +141,18 @@ def scatter_figure(scatter: pd.DataFrame, sets: Mapping[str, Floats]) -> Figure:
         rows = scatter[scatter["quantity"] == quantity].dropna(subset="low")
         steps = np.sort(values)
         share = 100.0 * np.arange(1, len(steps) + 1) / len(steps)
-        colour = STYLE["monte carlo"]["color"]
-        ax.step(steps, share, where="post", color=colour, lw=1.0, label="gear sets")
+        ax.step(steps, share, where="post", color=SIMULATED_COLOUR, lw=1.0, label="gear sets")
         ends = np.abs(rows[["low", "high"]].to_numpy().T - rows["value"].to_numpy())
-        marks: Any = {"fmt": "o", "ms": 4, "capsize": 3, "color": STYLE["saltation"]["color"]}
-        label = "quantile with 95 % interval"
-        ax.errorbar(rows["value"], rows["percent"], xerr=ends, label=label, **marks)
+        ax.errorbar(
+            rows["value"],
+            rows["percent"],
+            xerr=ends,
+            label="quantile with 95 % interval",
+            fmt="o",
+            ms=4,
+            capsize=3,
+            color=STYLE["saltation"]["color"],
+        )
         unit = scatter.loc[scatter["quantity"] == quantity, "unit"].iloc[0]
         ax.set_xlabel(f"{quantity} ({unit})" if unit else quantity)
         ax.set_ylim(0.0, 100.0)
@@ -162,8 +173,17 @@ def closure_figure(verdicts: pd.DataFrame) -> Figure:
         at = [names.index(name) + 0.25 * (i - 0.5 * (len(closures) - 1)) for name in errors.index]
         share = errors["error"] / errors["tolerance"]
         half = 0.5 * (errors["high"] - errors["low"]) / errors["tolerance"]
-        marks = {"ls": "none", "ms": 3.5, "capsize": 1.5, "lw": 0.8, **STYLE[closure]}
-        ax.errorbar(share, at, xerr=half, label=closure, **marks)
+        ax.errorbar(
+            share,
+            at,
+            xerr=half,
+            label=closure,
+            ls="none",
+            ms=3.5,
+            capsize=1.5,
+            lw=0.8,
+            **STYLE[closure],
+        )
     ax.set_xscale("symlog", linthresh=1.0)
     ax.set_yticks(range(len(names)), names, fontsize=7)
     ax.set(ylim=(-1.0, len(names)), xlabel="error of the closure / tolerance")

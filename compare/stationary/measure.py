@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import pandas as pd
 
+from rattle.compare.report.render import render_text
 from rattle.compare.stationary.result import Stationary
 from rattle.compare.stationary.verdicts import (
     CLOSURES_JUDGED,
@@ -19,7 +20,7 @@ from rattle.montecarlo.long_run.estimates import groups, most_unseen
 from rattle.montecarlo.long_run.run import ASKED, usual_paths
 from rattle.montecarlo.seed import Rng, read_seed
 from rattle.montecarlo.settings import is_random
-from rattle.scene import Scene, check_scene, compile_ahead
+from rattle.scene import Scene, check_scene, compile_ahead, line
 from rattle.scene.long_orbit import IRREGULAR, PERIODIC, Attractor, attractor
 from rattle.scene.numpy_errors import numpy_defaults
 from rattle.scene.progress import do
@@ -152,14 +153,9 @@ def stationary(
     table = pd.DataFrame(run.estimates, index=ESTIMATE_COLUMNS).T.rename_axis("quantity")
     if run.is_scattered:  # the variance of the estimate is that between gear sets
         table["autocorrelation"] = math.nan
-    said = (
-        f"{run.impacts:,} impacts on {run.paths} paths of {run.periods:,} periods each, after a"
-        f" burn-in of {run.burn_in.periods:,}; the orbit without noise {orbit.reason}."
-    )
-    if not run.burn_in.reached:
-        kinds = _attractors(scene, orbit)
-        if len(kinds) > 1:
-            said += f" Without noise, {_describe(kinds, scene)}."
+    kinds = [] if run.burn_in.reached else _attractors(scene, orbit)
+    attractors = _describe(kinds, scene) if len(kinds) > 1 else ""
+    said = line(render_text("stationary/said.j2", run=run, orbit=orbit, attractors=attractors))
     return Stationary(scene, "simulated", said, table, run, orbit, slow, named)
 
 
@@ -187,15 +183,15 @@ def _seen_at_rest(found: Stationary, rest: AtRest) -> Stationary:
     most = most_unseen(2.0 * math.pi * periods * paths) + rest.left_out
     table = found.table.assign(se=math.nan, low=math.nan, high=math.nan)
     table.loc[table.index.str.startswith("rate"), ["low", "high"]] = 0.0, most
-    opens = "noise with a memory opens closed teeth only where it pulls"
-    if not found.scene.correlation_time:
-        opens = "white noise opens closed teeth at any drag, by less than is followed as an impact"
-    said = (
-        f"At rest as far as it was followed: the motion without noise {found.orbit.reason}; with"
-        f" noise none of {paths} paths had an impact in the last {periods} periods, so there are"
-        f" fewer than {most:.2g} per unit of dimensionless time, with 95 % probability ({opens})."
+    said = render_text(
+        "stationary/said.j2",
+        orbit=found.orbit,
+        paths=paths,
+        periods=periods,
+        most=most,
+        memory=found.scene.correlation_time,
     )
-    return replace(found, said=said, table=table)
+    return replace(found, said=line(said), table=table)
 
 
 def _exact(
@@ -239,13 +235,11 @@ def _attractors(scene: Scene, orbit: Attractor) -> list[list[Attractor]]:
 
 def _describe(kinds: list[list[Attractor]], scene: Scene) -> str:
     """Attractors in words, with the share of the starts that lead to each."""
-    motions = []
-    for kind in kinds:
-        motion = f"the motion of {len(kind) / ATTRACTOR_STARTS:.0%} {kind[0].reason}"
-        if kind[0].kind == PERIODIC:
-            value = values_of(law_of(kind[0]), scene, 0.1)
-            motion += (
-                f" (rate {value['rate']:.4g}, energy per period {value['energy_per_period']:.4g})"
-            )
-        motions.append(motion)
-    return f"of {ATTRACTOR_STARTS} starts, {'; '.join(motions)}"
+    text = render_text(
+        "stationary/attractors.j2",
+        kinds=kinds,
+        starts=ATTRACTOR_STARTS,
+        periodic=PERIODIC,
+        values_of=lambda orbit: values_of(law_of(orbit), scene, 0.1),
+    )
+    return line(text)

@@ -35,7 +35,7 @@ STATIONARY_WORDS: tuple[str, ...] = (
     "mean map",
     "sticking",
 )
-MASS_UNIT = ", in units of the mass of wheel 1 at its rim times the square of the unit of speed"
+
 BY_MESH: dict[str, str] = STATIONARY_TEXTS["by_mesh"]
 
 
@@ -62,22 +62,20 @@ def make_report(found: Stationary, view: Bifurcation | None, record: dict[str, A
     shown = found.table_in(units)
     quantities = shown.reset_index()
     content = {
+        "found": found,
         "by_mesh": tabulate_meshes(found, shown),
         "quantities": quantities,
         "slow": speed_text(found.slow, gears, units),
-        "mass": "" if gears else MASS_UNIT,
         "field": record["field"],
         "tolerances": TOLERANCES,
     }
     if gears:
         tables["physical"] = quantities
-        content["dimensionless"] = found.table_in("dimensionless").reset_index()
     if len(found.verdicts):
         tables["verdicts"] = found.verdicts_in(units)
         content["verdicts"] = _verdicts(tables["verdicts"])
     if len(found.scatter):
-        tables["scatter"] = found.scatter_in(units)
-        content["scatter"] = tables["scatter"]
+        content["scatter"] = tables["scatter"] = found.scatter_in(units)
     if found.densities:
         tables["sections"] = pd.concat([d.table for d in found.densities], ignore_index=True)
     if view is not None:
@@ -134,7 +132,6 @@ def answer(found: Stationary) -> list[str]:
         percent=percent,
         least=speed_text(found.slow, found.scene.gears, units),
         quiet=speed_text(found.run.quiet, found.scene.gears, units) if found.run else "",
-        off_by=_off_by,
         closed=[(mesh, share) for mesh, share in closed if share > 0.0],
         memory=memory,
         few=list(found.few.sort_values().items()),
@@ -170,10 +167,3 @@ def _digits(value: float, half: float) -> int:
     """Digits of a value up to the first of the half width of its interval, one at least."""
     last = math.floor(math.log10(float(f"{half:.0e}")))
     return max(1 + math.floor(math.log10(abs(value))) - last, 1) if value else 1
-
-
-def _off_by(autocorrelation: float) -> str:
-    """How far an error is off that is computed as if impacts were independent."""
-    if autocorrelation < 1.0:
-        return f"{number_text(autocorrelation**-0.5, 2)} times too large"
-    return f"{number_text(autocorrelation**0.5, 2)} times too small"

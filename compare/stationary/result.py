@@ -245,8 +245,7 @@ class Stationary:
             values = values_of_sets(self.run.sums, name, 0)
             if values is not None:
                 sets[name] = values.corrected * unit_of(name, self.scene.gears, units)[1]
-        scatter = self.scatter_in(units)
-        return draw(self.run, self.table, self.laws, self.verdicts, scatter, sets)
+        return draw(self, self.scatter_in(units), sets)
 
     def plot(self, kind: str = "distribution") -> "Figure":
         """Draw a figure of the page.
@@ -323,15 +322,19 @@ class Stationary:
             "threshold": [t._asdict() for t in rattle_threshold(self.scene)],
         }
         if run is not None:
-            facts |= {name: getattr(run, name) for name in ("paths", "periods", "impacts")}
-            facts["burn_in"] = run.burn_in.periods
-            facts["seconds"] = round(run.wall_seconds, 3)
-            facts["reach"] = run.reach_sentence or None
-            facts["reached"] = run.reached
-            facts["settled"] = run.burn_in.reached
-            facts["resolve"] = run.quiet
             names = ("closed_share", "energy_share", "rate_above_at_most")
-            facts["left_out"] = dict(zip(names, run.left_out, strict=True))
+            facts |= {
+                "paths": run.paths,
+                "periods": run.periods,
+                "impacts": run.impacts,
+                "burn_in": run.burn_in.periods,
+                "seconds": round(run.wall_seconds, 3),
+                "reach": run.reach_sentence or None,
+                "reached": run.reached,
+                "settled": run.burn_in.reached,
+                "resolve": run.quiet,
+                "left_out": dict(zip(names, run.left_out, strict=True)),
+            }
         table = self.table_in(units).reset_index().to_dict("records")
         scatter = self.scatter_in(units).to_dict("records")
         verdicts = self.verdicts_in(units).to_dict("records")

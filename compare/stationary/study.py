@@ -26,7 +26,7 @@ from rattle.compare.stationary.verdicts import (
     judge_predictions,
     predictions,
 )
-from rattle.compare.study.design import Study, list_reasons, with_coordinates
+from rattle.compare.study.design import Study, join_points, list_reasons
 from rattle.compare.study.figures import label_field, panels
 from rattle.compare.study.folder import Drawing
 from rattle.montecarlo.kernel.blocks import Blocks, Budget
@@ -218,8 +218,8 @@ def combine(study: Study, found: Mapping[str, LongResult]) -> LongTables:
             if physical and "quantity" in rows:
                 rows = in_units(rows, point.sample.scene.gears, "physical")
             if len(rows):
-                parts.append(with_coordinates(point.coordinates, rows))
-        return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame()
+                parts.append((point.coordinates, rows))
+        return join_points(parts)
 
     return LongTables(
         study,

@@ -4,7 +4,7 @@ A law is a mixture of normal distributions over impacts.
 """
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 import numpy as np
@@ -176,15 +176,22 @@ def _width(effective: pd.Series, z: float) -> Any:
 def _times_longer(effective: pd.Series, se: pd.Series, margin: pd.Series, z: float) -> Any:
     """How many times longer a run decides its rows: its rare bursts are then as many times more, on
     more paths."""
-    # log of the factor: the half width falls with it
-    low = np.zeros(len(se))
-    high = np.full(len(se), 40.0)
-    for _ in range(50):
+
+    def is_wide(log: Floats) -> Any:
+        """Whether the half width, which falls with the logarithm of the factor, is too large."""
+        return _width(effective * np.exp(log), z) * se * np.exp(-0.5 * log) > margin
+
+    return np.exp(_bisect(np.zeros(len(se)), np.full(len(se), 40.0), is_wide, 50))
+
+
+def _bisect(low: Floats, high: Floats, is_below: Callable[[Floats], Any], halvings: int) -> Floats:
+    """The ends of intervals up to which something holds, after so many halvings."""
+    for _ in range(halvings):
         middle = 0.5 * (low + high)
-        wide = _width(effective * np.exp(middle), z) * se * np.exp(-0.5 * middle) > margin
-        low = np.where(wide, middle, low)
-        high = np.where(wide, high, middle)
-    return np.exp(high)
+        below = is_below(middle)
+        low = np.where(below, middle, low)
+        high = np.where(below, high, middle)
+    return high
 
 
 def law_of(a: Attractor) -> Law:
@@ -216,12 +223,7 @@ def _quantiles(p: Floats, weight: Floats, mean: Floats, sd: Floats) -> Floats:
     """Quantiles of a mixture of normal distributions and point masses, by bisection."""
     low = np.full(p.shape, (mean - 9.0 * sd).min())
     high = np.full(p.shape, (mean + 9.0 * sd).max())
-    for _ in range(HALVINGS):
-        middle = 0.5 * (low + high)
-        below = _cdf(middle, weight, mean, sd) < p
-        low = np.where(below, middle, low)
-        high = np.where(below, high, middle)
-    return high
+    return _bisect(low, high, lambda x: _cdf(x, weight, mean, sd) < p, HALVINGS)
 
 
 def _describe(

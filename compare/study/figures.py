@@ -83,7 +83,7 @@ def errors(r: Any, rows: pd.DataFrame) -> Figure:
     figure, axes = new_figure(2.6 * len(shown) + 0.8, 5.6, 2, len(shown))
     judged = rows[rows["judged"] & (rows["verdict"] != Verdict.NOT_PREDICTED)]
     for ax, (moment, impact) in zip(axes, product(limits, shown), strict=True):
-        part = judged[(judged["moment"] == moment) & (judged["impact"] == impact)]
+        part = judged.query("moment == @moment and impact == @impact")
         for closure, group in part.groupby("closure", sort=False):
             worst = _worst(group, name)
             ends = (worst[end].clip(lower=FLOOR) for end in ("size", "least", "most"))
@@ -174,8 +174,8 @@ def _wilson(k: int, n: int) -> tuple[float, float]:
 def _agreement(axes: list[Axes], r: Any, rows: pd.DataFrame) -> None:
     """Draw the share of paths that are still on the noise-free itinerary, with Wilson's 95 %
     interval."""
-    part = rows[(rows["quantity"] == "tau") & (rows["moment"] == "mean")]
-    for style, group in _by_impact(part[part["paths"] > 0], r):
+    part = rows.query("quantity == 'tau' and moment == 'mean' and paths > 0")
+    for style, group in _by_impact(part, r):
         counts = zip(group["agreement"] * group["followed"], group["followed"], strict=True)
         interval = np.reshape([_wilson(round(k), int(n)) for k, n in counts], (-1, 2)).T
         _draw_band(axes[0], group[r.study.along], group["agreement"], *interval, ms=3, **style)
@@ -212,7 +212,7 @@ def draw_paired(r: Any, rows: pd.DataFrame) -> Figure:
     """Draw the gain of common random numbers: independent over paired standard error of a
     difference of neighbours."""
     figure, (ax,) = new_figure(6.2, 3.6, 1, 1)
-    part = rows[(rows["se"] > 0.0) & (rows["se_independent"] > 0.0)]
+    part = rows.query("se > 0.0 and se_independent > 0.0")
     part = part.assign(
         gain=part["se_independent"] / part["se"], middle=0.5 * (part["from"] + part["to"])
     )

@@ -200,14 +200,7 @@ class FailedPoints(NamedTuple):
     why: str  # error message at the first of the points: field, value and remedy
     points: int  # points, of: number of points concerned, and number of all points
     of: int
-    first: Coordinates  # coordinates of the first point concerned
-
-    @property
-    def where(self) -> str:
-        """Coordinates of the first point concerned, as text."""
-        return (
-            ", ".join(f"{name} = {value}" for name, value in self.first.items()) or "the only point"
-        )
+    where: str  # coordinates of the first point concerned
 
     def __str__(self) -> str:
         """Describe the failure in one sentence."""
@@ -233,7 +226,9 @@ def group_failures(points: Sequence[Point], failed: Mapping[str, str]) -> list[F
     for (what, _), alike in groups.items():
         first, why = alike[0]
         what = REASON_NAMES.get(what, what)
-        failures.append(FailedPoints(what, why, len(alike), len(points), first))
+        where = ", ".join(f"{name} = {value}" for name, value in first.items())
+        of = len(points)
+        failures.append(FailedPoints(what, why, len(alike), of, where or "the only point"))
     return failures
 
 

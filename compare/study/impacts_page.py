@@ -6,7 +6,7 @@ from typing import Any
 
 import pandas as pd
 
-from rattle.compare.judge.verdict import Verdict, in_words, is_accurate, join_words, span, want
+from rattle.compare.judge.verdict import Verdict, in_words, is_accurate, span, want
 from rattle.compare.report.render import render_sentences
 from rattle.compare.report.texts import CLOSURE_TERMS, SECTION_TERMS, VERDICT_TERMS
 from rattle.compare.study.estimate import scaling
@@ -35,30 +35,23 @@ def answer(r: Tables) -> list[str]:
         return render_sentences("study/answer.j2", impacts=impacts, agreement=agreement, ranges=[])
     last = r.validity[r.validity["impact"] == impacts]
     name = r.study.along
-    symbol = "σ" if name == "sigma" else name
     values = r.errors[name]
     apart = r.errors[r.errors["kind"] == ON_ITINERARY]
     of_followers = find_validity(r.study, apart)
-    partly = last["closure"][last["accurate"].notna()].unique()
     return render_sentences(
         "study/answer.j2",
         impacts=impacts,
         agreement=agreement,
         name=name,
-        symbol=symbol,
         values=span(values, ".4g"),
         largest=values.max(),
         accurate=_everywhere(last, "accurate").to_dict(),
-        not_wrong=[
-            f"`{closure}` up to {symbol} = {limit:.4g}"
-            for closure, limit in _everywhere(last, "not_inaccurate").items()
-        ],
-        partly=[f"`{closure}`" for closure in partly],
+        not_wrong=_everywhere(last, "not_inaccurate").to_dict(),
+        partly=last["closure"][last["accurate"].notna()].unique().tolist(),
         ranges=_ranges(r, r.of_all_paths, last),
         on_itinerary=_ranges(r, apart, of_followers[of_followers["impact"] == impacts])
         if len(apart)
         else [],
-        join_words=join_words,
     )
 
 

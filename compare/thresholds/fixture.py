@@ -150,9 +150,11 @@ class Rattle:
         """Record what the summary of the session says of a decision."""
         table = decision.table
         of_moments = "still" in table
+        kind = messages.kind_of(table)
+        widened = decision.z if of_moments else float(table["widened"].max())
         session = self._session
         self._record(
-            kind=messages.kind_of(table),
+            kind=kind,
             model=model,
             size=size,
             rows=len(table),
@@ -162,11 +164,12 @@ class Rattle:
             undecided=len(messages.undecided_rows(table)),
             z=decision.z,
             rate=session.settings.false_alarm,
-            widened=decision.z if of_moments else float(table["widened"].max()),
+            widened=widened,
+            is_wide=widened > messages.WIDER * decision.z,
             drawn=len(decision.runs),
             computed=sum(run.computed for run in decision.runs),
             seconds=sum(run.seconds for run in decision.runs),
-            decide=messages.paths_to_decide(table),
+            remedy=messages.describe_remedy(messages.paths_to_decide(table), kind),
             folder=self._shorten(session.folder) if session.folder else "",
         )
 

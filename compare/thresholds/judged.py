@@ -1,7 +1,7 @@
 """The fixture for samples of one's own: judges predictions, and fails or skips the test that does
 not pass.  It needs no scene and loads no compiler."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any, NoReturn
 
 import pandas as pd
@@ -17,6 +17,16 @@ JUDGED_OPTIONS = ("within", "undecided")
 """Options of the marker that a test without a scene may have."""
 
 MOST_ROWS_SHOWN = 40
+ROW_COLUMNS = (
+    ("predicted", "predicted", "{:.7g}"),
+    ("sampled", "simulated", "{:.7g}"),
+    ("error/sd", "error", "{:+.4g}"),
+    ("low", "low", "{:+.4g}"),
+    ("high", "high", "{:+.4g}"),
+    ("allowed", "tolerance", "{:.4g}"),
+    ("paths", "paths", "{:,.0f}"),
+)
+"""Columns of a message: head, column of the verdicts, and how its numbers are written."""
 
 
 class Judge:
@@ -110,18 +120,9 @@ def _describe(found: Judgement, rows: pd.DataFrame) -> str:
     """Rows with their errors and intervals, in units of the quantity, and their remarks."""
     share = (rows["error"] / rows["tolerance"]).abs().sort_values(ascending=False)
     shown = rows.loc[share.index[:MOST_ROWS_SHOWN]]
-    unit = shown["unit"]
-    table = pd.DataFrame(
-        {
-            "predicted": shown["predicted"].map("{:.7g}".format),
-            "sampled": shown["simulated"].map("{:.7g}".format),
-            "error/sd": (shown["error"] / unit).map("{:+.4g}".format),
-            "low": (shown["low"] / unit).map("{:+.4g}".format),
-            "high": (shown["high"] / unit).map("{:+.4g}".format),
-            "allowed": (shown["tolerance"] / unit).map("{:.4g}".format),
-            "paths": shown["paths"].map("{:,.0f}".format),
-        }
-    )
+    in_sds = ["error", "low", "high", "tolerance"]
+    values = shown.assign(**shown[in_sds].div(shown["unit"], axis=0))
+    table = pd.DataFrame({head: values[n].map(form.format) for head, n, form in ROW_COLUMNS})
     table.index = pd.Index(
         [
             f"{row['closure']}: {row['moment']} {row['quantity']} at {row[found.label]}"
@@ -133,17 +134,3 @@ def _describe(found: Judgement, rows: pd.DataFrame) -> str:
         f"{remarks}intervals of {found.z:.2f} standard errors; errors in sds of the quantity"
         f"\n{table.to_string(col_space=8)}"
     )
-
-
-def list_judged(records: Sequence[Mapping[str, Any]]) -> list[str]:
-    """The lines of the summary, from what each call of the fixture has recorded."""
-    rows, failed, undecided = (
-        sum(f[name] for f in records) for name in ("rows", "failed", "undecided")
-    )
-    calls = f"{len(records)} comparison{'s' * (len(records) > 1)} with samples"
-    passed = rows - failed - undecided
-    return [
-        f"judged     {rows} moments in {calls}: {passed} passed, {failed} failed,"
-        f" {undecided} undecided",
-        f"intervals  hold together in each with a probability of {1.0 - records[0]['rate']:g}",
-    ]

@@ -2,14 +2,14 @@
 of a session."""
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
 
-from rattle.compare.judge.rows import BY_SIZE
-from rattle.compare.judge.verdict import DECIDED, Verdict, span
+from rattle.compare.judge.verdict import DECIDED, Verdict
+from rattle.compare.report.render import render_text
 from rattle.compare.study.cells import Sampled
 from rattle.compare.thresholds.claim import Claim
 from rattle.scene import line
@@ -28,80 +28,12 @@ remedy."""
 
 def describe_remedy(paths: float, kind: str) -> str:
     """Describe what would decide an undecided test."""
-    if not math.isfinite(paths):
-        return "no number of paths would decide; a smaller step may, or another tolerance"
-    if paths > PATHS_OF_AN_HOUR[kind]:
-        least = f"more than {PATHS_OF_AN_HOUR[kind]:,.0f} paths, an hour or more of one core"
-        return (
-            f"its error is so close to what is allowed that it takes {least}: another tolerance"
-            " decides sooner"
-        )
-    return f"{float(f'{paths:.2g}'):,.0f} paths would decide"
-
-
-def count_of(number: int, what: str) -> str:
-    """A number of things in words."""
-    return f"{number} {what}{'s' * (number != 1)}"
+    return line(render_text("thresholds/remedy.j2", paths=paths, most=PATHS_OF_AN_HOUR[kind]))
 
 
 def kind_of(table: pd.DataFrame) -> str:
     """Whether the rows of a table are section moments or quantities of the long run."""
     return "check" if "moment" in table else "long check"
-
-
-def summary_lines(records: Iterable[dict[str, Any]], texts: Mapping[str, str]) -> Iterator[str]:
-    """Lines of the summary, from the id of each test and what its fixture has recorded."""
-    table = pd.DataFrame(list(records))
-    for kind, title, simulations in (
-        ("check", "checks", "ensembles"),
-        ("long check", "long run", "long runs"),
-    ):
-        if (table["kind"] == kind).any():
-            yield from _check_lines(table[table["kind"] == kind], title, simulations, texts)
-    compared = table[table["kind"] == "baseline"]
-    if len(compared):
-        written = compared.loc[compared["done"] != "", "done"]
-        yield f"baselines  {len(compared) - len(written)} as recorded, {len(written)} written"
-        for done in written:
-            yield from (f"           {line}" for line in done.splitlines())
-
-
-def _check_lines(
-    checks: pd.DataFrame, title: str, simulations: str, texts: Mapping[str, str]
-) -> Iterator[str]:
-    """The same of one kind of checks."""
-    first = checks.iloc[0]
-    counted = ["rows", "failed", "undecided", "drawn", "computed", "not_judged", "by_size"]
-    sums = checks[counted].sum().astype(int).to_dict()
-    facts = sums | {
-        "title": title,
-        "simulations": simulations,
-        "rows": count_of(sums["rows"], "row"),
-        "tests": count_of(len(checks), "test"),
-        "passed": sums["rows"] - sums["failed"] - sums["undecided"],
-        "excluded": count_of(sums["not_judged"], "row"),
-        "why_size": BY_SIZE,
-        "z": span(checks["z"], ".2f"),
-        "rate": first["rate"],
-        "widened": checks["widened"].max(),
-        "seconds": checks["seconds"].sum(),
-        "kept": sums["drawn"] - sums["computed"],
-        "place": "memory; they are kept only with a cache (--rattle-cache)",
-    }
-    if first["folder"]:
-        facts["place"] = f"the cache {first['folder']}"
-    shown = {
-        "rows": True,
-        "not_judged": sums["not_judged"],
-        "by_size": sums["by_size"],
-        "intervals": True,
-        "widened": (checks["widened"] > WIDER * checks["z"]).any(),
-        "simulated": True,
-    }
-    yield from (texts[name].format_map(facts) for name, is_shown in shown.items() if is_shown)
-    for check in checks[(checks["undecided"] > 0) & (checks["failed"] == 0)].to_dict("records"):
-        remedy = describe_remedy(check["decide"], check["kind"])
-        yield texts["undecided"].format_map(check | {"remedy": remedy})
 
 
 PATHS_MARGIN = 2.0
@@ -158,13 +90,8 @@ def long_rows(rows: pd.DataFrame, z: float) -> str:
     names = ["unit", "predicted", "simulated", "se", "low", "high", "tolerance", "paths", "periods"]
     shown = rows.set_index("quantity")[names].rename_axis(None)
     table = shown.rename(columns={"tolerance": "allowed"}).to_string(float_format="{:.5g}".format)
-    wide = [
-        f"{r['quantity']}: its standard error rests on {r['effective_paths']:.1f} of {r['paths']}"
-        f" paths, as with rare bursts; so its interval is {r['widened']:.3g} standard errors on"
-        f" either side, not {z:.2f}"
-        for r in rows[rows["widened"] > WIDER * z].to_dict("records")
-    ]
-    return "\n".join([f"intervals of {z:.2f} standard errors", table, *wide])
+    wide = rows[rows["widened"] > WIDER * z].to_dict("records")
+    return render_text("thresholds/long_rows.j2", table=table, wide=wide, z=z).rstrip("\n")
 
 
 def failure_text(model: str, table: pd.DataFrame, shown: Callable[[pd.DataFrame], str]) -> str:
@@ -197,21 +124,14 @@ def describe_undecided(
 
 def remedies(table: pd.DataFrame, claim: Claim) -> str:
     """Describe what can be done about undecided rows."""
-    needed = PATHS_MARGIN * paths_to_decide(table)
-    of_moments = "moment" in table
-    options = []
-    if claim.accuracy is not None and of_moments:
-        options.append(f"ask for a smaller accuracy than {claim.accuracy:g}")
-    elif needed <= PATHS_OF_AN_HOUR[kind_of(table)]:
-        budget = f"budget={float(f'{needed:.2g}'):_.0f} in its marker, or --rattle-budget"
-        options.append(f"give it more paths ({budget})")
-    if of_moments:
-        names = ["within" if allowed.in_sd else "absolute" for allowed in claim.allowed.values()]
-        options.append(f"allow a larger error ({' or '.join(dict.fromkeys(names))})")
-    options.append(
-        'accept that it is undecided (undecided="skip" in its marker, or --rattle-undecided=skip)'
+    text = render_text(
+        "thresholds/remedies.j2",
+        claim=claim,
+        of_moments="moment" in table,
+        needed=PATHS_MARGIN * paths_to_decide(table),
+        most=PATHS_OF_AN_HOUR[kind_of(table)],
     )
-    return f"Undecided is not passed: {', or '.join(options)}."
+    return line(text)
 
 
 def error_figure(table: pd.DataFrame, model: str) -> "Figure":

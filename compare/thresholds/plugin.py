@@ -148,22 +148,14 @@ def pytest_terminal_summary(terminalreporter: Any) -> None:
         if getattr(report, "when", None) == "call":
             facts = [value for key, value in report.user_properties if key == "rattle"]
             records |= {(report.nodeid, str(fact)): fact for fact in facts}
-    judged = [fact for fact in records.values() if fact["kind"] == "judge"]
-    checks = [
-        {"test": test, **fact} for (test, _), fact in records.items() if fact["kind"] != "judge"
-    ]
-    lines: list[str] = []
-    if judged:
-        from rattle.compare.thresholds.judged import list_judged
-
-        lines += list_judged(judged)
-    if checks:
-        from rattle.compare.thresholds.messages import summary_lines
-
-        lines += summary_lines(checks, PLUGIN_TEXTS["summary"])
-    if lines:
+    if records:
+        from rattle.compare.judge.rows import BY_SIZE
+        from rattle.compare.judge.verdict import span
+        from rattle.compare.report.render import render_text
         from rattle.scene.text import harmless
 
+        facts = [{"test": test, **fact} for (test, _), fact in records.items()]
+        text = render_text("thresholds/summary.j2", records=facts, span=span, why_size=BY_SIZE)
         terminalreporter.section("rattle: accuracy thresholds")
-        for line in lines:
+        for line in text.rstrip("\n").split("\n"):
             terminalreporter.write_line(harmless(line, keep=""))

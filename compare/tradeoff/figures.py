@@ -38,11 +38,11 @@ def tradeoff_figure(
     """
     # low enough for the first screen, its legend beside it
     figure, (ax,) = new_figure(10.6, 4.9, 1, 1)
-    schemes = points[points["kind"] == "scheme"].groupby("method", sort=False)
+    schemes = points.query("kind == 'scheme'").groupby("method", sort=False)
     handles: list[Artist] = [
         _scheme(ax, str(name), rows, slopes[str(name)]) for name, rows in schemes
     ]
-    multilevel = points[points["kind"] == "multilevel"].groupby("method", sort=False)
+    multilevel = points.query("kind == 'multilevel'").groupby("method", sort=False)
     for method, rows in [*multilevel, (EXACT_SCHEME, means_alone)]:
         handles += ax.plot(
             rows["core_seconds"],
@@ -52,7 +52,7 @@ def tradeoff_figure(
             color=SCHEME_STYLES[method.removeprefix("multilevel ")]["color"],
             label=f"{method}: means",
         )
-    handles += [_closure(ax, row) for _, row in points[points["kind"] == "closure"].iterrows()]
+    handles += [_closure(ax, row) for _, row in points.query("kind == 'closure'").iterrows()]
     low = points[["error", "median_error"]].min().min()
     high = points["error"].max()
     ax.set(

@@ -442,10 +442,9 @@ def slope(points: pd.DataFrame, method: str, measured: bool) -> tuple[float, int
 
     Points so rough that the minimal number of paths determines their cost are left out.
     """
-    fitted = (points["paths"] > FEWEST_PATHS) & ~points["missed"]
+    rows = points.query("method == @method and paths > @FEWEST_PATHS and not missed")
     if measured:
-        fitted &= points["measured"]
-    rows = points[fitted & (points["method"] == method)]
+        rows = rows.query("measured")
     if len(rows) < 2:
         return math.nan, len(rows)
     power, _ = np.polyfit(np.log(rows["accuracy"]), np.log(rows["core_seconds"]), 1)
@@ -495,8 +494,10 @@ def measure(
     steps = {scheme: level_steps(scene, scheme) for scheme in euler}
     work = sum(cost_of(firsts[s], LEVEL_PATHS, dt).core_seconds for s in euler for dt in steps[s])
     number = allowance.scale("the levels", LEVELS_SHARE, LEVEL_PATHS, work, 0)
-    shared = {"impacts": impacts, "seed": seed, "workers": workers}
-    levels = {scheme: measure_levels(scene, scheme, **shared, paths=number) for scheme in euler}
+    run_levels = partial(
+        measure_levels, scene, impacts=impacts, seed=seed, workers=workers, paths=number
+    )
+    levels = {scheme: run_levels(scheme) for scheme in euler}
     points = []
     for scheme in SCHEMES:
         for point, run in runs[scheme]:
@@ -508,7 +509,15 @@ def measure(
     timed = len(noises) * (1 + 2 * allowance.timings)  # runs of the table
     work = timed * cost_of(firsts[exact], LEVEL_PATHS).core_seconds
     number = allowance.scale("the control variate", CONTROL_SHARE, LEVEL_PATHS, work, 0)
-    control = control_table(base, **shared, sigmas=noises, paths=number, timings=allowance.timings)
+    control = control_table(
+        base,
+        impacts=impacts,
+        seed=seed,
+        workers=workers,
+        sigmas=noises,
+        paths=number,
+        timings=allowance.timings,
+    )
     measured = None
     if orders:
         measured = _measure_orders(base, firsts, euler, allowance, seed, workers)

@@ -10,7 +10,7 @@ import pandas as pd
 from rattle.compare.judge.verdict import join_words, span
 from rattle.compare.report.render import render_sentences
 from rattle.compare.report.report import Report
-from rattle.compare.report.table import Table, TableCell, of_numbers
+from rattle.compare.report.table import Table, TableCell
 from rattle.compare.report.texts import (
     CLOSURE_TERMS,
     SCHEME_TERMS,
@@ -39,13 +39,11 @@ Costs: TypeAlias = list[dict[str, Any]]
 def cheapest(points: pd.DataFrame, accuracy: float) -> dict[str, Any]:
     """The method of least counted work for an accuracy, of schemes and of closures that predict all
     moments so well."""
-    scheme = (points["kind"] == "scheme") & (points["accuracy"] == accuracy) & ~points["missed"]
-    closure = (
-        (points["kind"] == "closure")
-        & (points["error"] <= accuracy)
-        & (points["rows"] == points["rows"].max())
+    able: Any = points.query(
+        "kind == 'scheme' and accuracy == @accuracy and not missed"
+        " or kind == 'closure' and error <= @accuracy and rows == rows.max()"
     )
-    best: dict[str, Any] = points[scheme | closure].nsmallest(1, "work").to_dict("records")[0]
+    best: dict[str, Any] = able.nsmallest(1, "work").to_dict("records")[0]
     return best
 
 
@@ -75,13 +73,12 @@ def answer(m: Tradeoff, costs: Costs) -> list[str]:
     """What to take, where a closure is cheapest, the cost of plain Euler-Maruyama, and whether
     multilevel Monte Carlo is anywhere cheaper."""
     exact = m.models[EXACT_SCHEME]
-    plain = m.models[EULER_MARUYAMA]
-    finest = m.accuracies[-1]
-    closures = m.points[m.points["kind"] == "closure"]
-    full = closures[closures["rows"] == m.points["rows"].max()]
+
+    closures = m.points.query("kind == 'closure'")
+    full = m.points.query("kind == 'closure' and rows == rows.max()")
     full = full.assign(simulated=[exact.at(error).work for error in full["error"]])
-    wins = full[(full["simulated"] > full["work"]) & (full["error"] <= m.accuracies[0])]
-    path = exact.path_alone(finest)
+    wins = full.query("simulated > work and error <= @m.accuracies[0]")
+
     return render_sentences(
         "tradeoff/answer.j2",
         m=m,
@@ -92,14 +89,9 @@ def answer(m: Tradeoff, costs: Costs) -> list[str]:
             if finer is None or finer["method"] != cost["method"]
         ],
         wins=wins.to_dict("records"),
-        plain={
-            "dt": plain.at(finest).dt,
-            "step_ns": 1e9 * plain.step_seconds,
-            "times": plain.path_alone(finest) / path,
-            "exact_seconds": exact.at(finest).core_seconds,
-            "tuned_times": plain.path_alone(finest, HAND_TUNED_NS) / path,
-            "tuned_ns": HAND_TUNED_NS,
-        },
+        exact=exact,
+        plain=m.models[EULER_MARUYAMA],
+        tuned_ns=HAND_TUNED_NS,
         missing=" ".join(explain_missing(m.reference.scene, list(closures["method"]))),
         duration=duration_text,
     )
@@ -122,24 +114,17 @@ def _parts(m: Tradeoff, costs: Costs) -> dict[str, Any]:
     )
     near_branches = m.models[EXACT_SCHEME].best.plan.mixture is not None
     how = "with paths near rare branches" if near_branches else "with control"
-    heads = [
-        "standard error",
-        *(f"multilevel {name}" for name in m.levels),
-        f"{EXACT_SCHEME} {how}",
-        f"{EXACT_SCHEME} without",
-    ]
-    means = [
-        [
-            f"{cost['asked']:g}",
-            *(f"{e.seconds:.2g} ({e.typical:.2g})" for e in cost["multilevel"]),
-            f"{cost['control']:.2g}",
-            f"{cost['plain']:.2g}",
-        ]
-        for cost in costs
-    ]
+    means = []
+    for cost in costs:
+        row = {"standard error": f"{cost['asked']:g}"}
+        for name, estimate in zip(m.levels, cost["multilevel"], strict=True):
+            row[f"multilevel {name}"] = f"{estimate.seconds:.2g} ({estimate.typical:.2g})"
+        row[f"{EXACT_SCHEME} {how}"] = f"{cost['control']:.2g}"
+        row[f"{EXACT_SCHEME} without"] = f"{cost['plain']:.2g}"
+        means.append(row)
     parts: dict[str, Any] = {
         "cheapest": pd.DataFrame([cheapest(p, a) | {"asked": a} for a in m.accuracies]),
-        "points": p[p["kind"] == "scheme"],
+        "points": p.query("kind == 'scheme'"),
         "slopes": pd.DataFrame(
             {
                 "scheme": name,
@@ -149,9 +134,9 @@ def _parts(m: Tradeoff, costs: Costs) -> dict[str, Any]:
             }
             for name, model in m.models.items()
         ),
-        "closures": p[p["kind"] == "closure"],
+        "closures": p.query("kind == 'closure'"),
         "rates": pd.DataFrame([{"scheme": name, "rates": x} for name, x in m.levels.items()]),
-        "means": Table.of(map(of_numbers, heads), means),
+        "means": Table.whole(pd.DataFrame(means)),
     }
     if m.orders:
         table = m.orders.table
@@ -196,7 +181,7 @@ def orders_said(table: pd.DataFrame) -> list[str]:
     noise intensity."""
     return render_sentences(
         "tradeoff/orders.j2",
-        moments=table[table["moment"] != "itinerary"],
+        moments=table.query("moment != 'itinerary'"),
         coarsest=STEP_PAIRS[0],
         finest=0.5 * STEP_PAIRS[-1],
         join_words=join_words,

@@ -26,7 +26,7 @@ from rattle.compare.chaos.spectrum import (
     spectra_tables,
     welch,
 )
-from rattle.compare.chaos.sweep import bifurcation, paper_noise, sweep, vary
+from rattle.compare.chaos.sweep import FieldSweep, paper_noise, vary
 from rattle.scene import DAT21, InputError, Scene, Start, Tolerance
 
 DAT = Scene.from_gears(DAT21, sigma=1.5**0.5)
@@ -134,7 +134,7 @@ def test_exponents_whose_sum_is_off_are_not_reported():
 
 def test_sweeps_do_not_depend_on_workers_and_mark_what_sticks():
     one, two = (
-        sweep(vary(DAT, "alpha", (0.05, 0.4, 1.5), paper_noise), width=0.1, workers=n)
+        FieldSweep(vary(DAT, "alpha", (0.05, 0.4, 1.5), paper_noise), workers=n).exponents(0.1)
         for n in (1, 2)
     )
     assert one.equals(two)
@@ -146,17 +146,17 @@ def test_sweeps_do_not_depend_on_workers_and_mark_what_sticks():
 
 def test_an_interrupted_sweep_computes_what_is_missing(tmp_path, monkeypatch):
     scenes = vary(DAT, "alpha", (0.05, 0.4), paper_noise)
-    settings = {"points": 500, "folder": tmp_path}
-    whole = bifurcation(scenes, **settings).table
+    sweep = FieldSweep(scenes, folder=tmp_path)
+    whole = sweep.bifurcation(500).table
     begun = []
     next((tmp_path / "cells").glob("*.parquet")).unlink()
     own = sweeps.VelocitiesAt.evaluate
     monkeypatch.setattr(
         sweeps.VelocitiesAt, "evaluate", lambda cell, blocks=None: begun.append(cell) or own(cell)
     )
-    assert bifurcation(scenes, **settings).table.equals(whole)
+    assert sweep.bifurcation(500).table.equals(whole)
     assert len(begun) == 1
-    fewer = bifurcation(scenes, **settings | {"points": 400}).table
+    fewer = sweep.bifurcation(400).table
     assert fewer["count"].sum() < whole["count"].sum()
 
 
@@ -279,9 +279,9 @@ def test_sections_hold_every_point_and_do_not_depend_on_workers():
 
 
 def test_bifurcations_hold_every_point_of_any_field():
-    b = bifurcation(vary(DAT, "epsilon", (0.5, 0.7, 0.9)), "epsilon", points=3000)
+    b = FieldSweep(vary(DAT, "epsilon", (0.5, 0.7, 0.9)), "epsilon").bifurcation(3000)
     for side in (ORBIT_SECTION, NOISY):
         assert ((b.cells[side].sum(axis=1) > 2980) & (b.cells[side].sum(axis=1) <= 3000)).all()
-    sticking = bifurcation(vary(DAT, "alpha", (0.05, 0.4), paper_noise), points=1000)
+    sticking = FieldSweep(vary(DAT, "alpha", (0.05, 0.4), paper_noise)).bifurcation(1000)
     assert sticking.cells[ORBIT_SECTION].sum(axis=1).tolist()[0] == 0
     assert sticking.reasons[ORBIT_SECTION] == ["sticks often", ""]
