@@ -9,7 +9,7 @@ READY := $(VENV)/ready-$(NAMES)
 # Folders whose tests are all marked slow (conftest.py): the first tier does not even import them.
 SLOW := tests/faults tests/interpreted tests/page tests/security
 # With the compiler off, for the lines of what it compiles; the other tests would take hours so.
-PHYSICS := arithmetic drive flight impact rest
+PHYSICS := arithmetic drive impact rest
 INTERPRETED := tests/interpreted $(PHYSICS:%=tests/scene/test_%.py)
 
 # The lines that the first tier reaches are counted where both tiers run, for that slows the interpreter.

@@ -2,8 +2,6 @@
 
 import ast
 from collections import Counter
-from collections.abc import Iterator
-from importlib import import_module
 from pathlib import Path
 
 import pytest
@@ -19,44 +17,35 @@ MAY_IMPORT = {
 }
 
 
-def modules(path: Path) -> Iterator[str]:
-    """Full names of the modules that a source imports."""
-    for node in ast.walk(ast.parse(path.read_text())):
-        if isinstance(node, ast.Import):
-            yield from (alias.name for alias in node.names)
-        elif isinstance(node, ast.ImportFrom) and node.module:
-            yield from (
-                [f"rattle.{alias.name}" for alias in node.names]
-                if node.module == "rattle"
-                else [node.module]
-            )
-
-
-def packages(path: Path) -> set[str]:
-    """Our packages that a source imports."""
-    return {name.split(".")[1] for name in modules(path) if name.startswith("rattle.")}
+def names_of(path):
+    """The first parts of the names of the modules that a source imports."""
+    nodes = list(ast.walk(ast.parse(path.read_text())))
+    names = [alias.name for node in nodes if isinstance(node, ast.Import) for alias in node.names]
+    names += [str(node.module) for node in nodes if isinstance(node, ast.ImportFrom)]
+    return {name.partition(".")[0] for name in names}
 
 
 @pytest.mark.parametrize("package", [*MAY_IMPORT, "tests"])
-def test_imports(package):
-    """In one direction, by the one name (``import scene`` would make a second module of the same
-    file), and click in the command line alone, on which nothing rests."""
+def test_packages_are_imported_by_one_name(package):
+    """``import scene`` would make a second module of the same file; and click is imported in the
+    command line alone."""
     for path in (ROOT / package).rglob("*.py"):
-        names = set(modules(path))
-        assert not {name.split(".")[0] for name in names} & set(MAY_IMPORT), path
-        if package == "tests":
-            continue
-        assert packages(path) <= MAY_IMPORT[package], path
-        if path.parent.name != "cli":
-            assert "click" not in {name.split(".")[0] for name in names}, path
-            assert not any(name.startswith("rattle.compare.cli") for name in names), path
+        names = names_of(path)
+        assert not names & set(MAY_IMPORT), path
+        assert "click" not in names or package == "tests" or path.parent.name == "cli", path
 
 
-@pytest.mark.parametrize("package", ["", *(f".{name}" for name in MAY_IMPORT)])
-def test_public_names_exist(package):
-    module = import_module(f"rattle{package}")
-    for name in getattr(module, "__all__", ()):
-        assert hasattr(module, name)
+@pytest.fixture(scope="module")
+def trees():
+    return sources()
+
+
+def test_imports_go_in_one_direction(trees):
+    """And nothing rests on the command line."""
+    for name, targets in import_graph(trees).items():
+        assert {t.partition(".")[0] for t in targets} <= MAY_IMPORT[name.partition(".")[0]], name
+        used = [target for target in targets if target.startswith("compare.cli")]
+        assert not used or name.startswith("compare.cli"), name
 
 
 HEAVY = "; print([m for m in ('numba', 'pandas', 'matplotlib') if m in sys.modules])"
@@ -65,11 +54,6 @@ HEAVY = "; print([m for m in ('numba', 'pandas', 'matplotlib') if m in sys.modul
 @pytest.mark.parametrize("name", ["rattle.compare.cli.main", "rattle"])
 def test_neither_help_nor_the_import_loads_the_scientific_stack(name):
     assert python("-c", f"import sys, {name}{HEAVY}").stdout.strip() == "[]"
-
-
-@pytest.fixture(scope="module")
-def trees():
-    return sources()
 
 
 def test_a_class_name_has_one_meaning(trees):

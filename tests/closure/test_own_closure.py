@@ -9,9 +9,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from rattle import DAT21, Closure, InputError, Scene, mean_map
+from rattle import DAT21, Closure, InputError, Scene, mean_map, validate
 from rattle.closure import CLOSURES
-from rattle.closure.mean_map import find_closure, find_closures, predict
 
 SCENE = Scene.from_gears(DAT21, sigma=0.02)
 SALTATION = mean_map(SCENE, impacts=4, closure="saltation")
@@ -160,16 +159,14 @@ def test_what_cannot_be_a_closure_is_refused(arguments, message):
 )
 def test_what_names_no_closure_is_refused(given, message):
     with pytest.raises(InputError, match=message):
-        find_closure("closure", given)
+        mean_map(SCENE, closure=given)
 
 
 def test_two_closures_of_one_name_are_refused_and_one_given_twice_is_one():
-    assert [c.name for c in find_closures("closures", ["saltation", copy, copy, "saltation"])] == [
-        "saltation",
-        "copy",
-    ]
+    found = validate(SCENE, impacts=1, closures=["saltation", copy, copy, "saltation"], paths=64)
+    assert list(found.predictions) == ["saltation", "copy"]
     with pytest.raises(InputError, match="closures = 'copy': is the name of two closures"):
-        find_closures("closures", [copy, Closure("copy", frame(tau=[0.5]))])
+        validate(SCENE, closures=[copy, Closure("copy", frame(tau=[0.5]))])
 
 
 def test_missing_columns_and_stages_are_those_that_it_says():
@@ -196,17 +193,35 @@ def test_fixed_times_may_be_given_by_covariances():
     assert found["rho2"].isna().all()
 
 
-def test_an_exception_is_raised_by_mean_map_and_becomes_a_reason_in_comparisons():
-    def fails(scene, impacts):
-        raise ValueError("two\nlines")
+def recurse(scene, impacts):
+    return recurse(scene, impacts)
 
+
+def leave(scene, impacts):
+    raise SystemExit(3)
+
+
+def fail(scene, impacts):
+    raise ValueError("two\nlines")
+
+
+def ask(scene, impacts):
+    return mean_map(scene, impacts=0)
+
+
+def test_an_exception_is_raised_by_mean_map_and_becomes_one_line_in_comparisons():
     with pytest.raises(ValueError, match="two"):
-        mean_map(SCENE, impacts=2, closure=fails)
-    found = predict(SCENE, find_closure("closure", fails), 2, 4)
-    assert found.stopped == "raised ValueError: two lines"
-    inner = Closure("inner", lambda scene, impacts: mean_map(scene, impacts=0))
-    assert predict(SCENE, inner, 2, 4).stopped.startswith("raised InputError: impacts = 0")
-    assert found.section["tau"].isna().all()
+        mean_map(SCENE, impacts=2, closure=fail)
+    found = validate(SCENE, impacts=2, closures=[fail, ask, leave, recurse], paths=64).failed
+    said = {
+        "fail": "ValueError: two lines",
+        "ask": "InputError: impacts = 0",
+        "leave": "SystemExit: 3",
+        "recurse": "Recursion",
+    }
+    for name, words in said.items():
+        assert found[name].startswith(f"raised {words}")
+        assert "\n" not in found[name]
 
 
 def test_masked_and_missing_values_are_not_predicted():
@@ -214,26 +229,6 @@ def test_masked_and_missing_values_are_not_predicted():
     for tau in (masked, [0.5, None, 0.9], pd.array([0.5, pd.NA, 0.9], dtype="Float64")):
         section = mean_map(SCENE, impacts=3, closure=table(tau=tau)).section
         assert section["tau"].isna().tolist() == [False, True, False]
-
-
-def recurse(scene, impacts):
-    return recurse(scene, impacts)
-
-
-@pytest.mark.parametrize(
-    ("raised", "said"),
-    [
-        (SystemExit(3), "SystemExit: 3"),
-        (None, "Recursion"),
-    ],
-)
-def test_whatever_it_raises_becomes_one_line(raised, said):
-    def fails(scene, impacts):
-        raise raised
-
-    found = predict(SCENE, Closure("mine", recurse if raised is None else fails), 2, 4)
-    assert found.stopped.startswith(f"raised {said}")
-    assert "\n" not in found.stopped
 
 
 @pytest.mark.parametrize("tau", [4.0, -7.0])
@@ -272,7 +267,7 @@ def test_its_digest_changes_with_the_values_that_it_is_made_with_and_with_nothin
 
 def test_it_is_found_again_by_its_reference_and_when_pickled():
     reference = Closure("copy", copy).reference
-    assert find_closure("closure", reference).function is copy
+    assert mean_map(SCENE, impacts=1, closure=reference).closure == "copy"
     assert Closure("mine", copy).reference == ""
     assert Closure("mine", lambda scene, impacts: None).reference == ""
     found = pickle.loads(pickle.dumps(mean_map(SCENE, impacts=2, closure=copy)))

@@ -1,13 +1,11 @@
 """Tasks that compile: each is run by one process, and again where machine code is missing."""
 
-import os
 import shutil
-import subprocess
-import sys
 
 import numba
 import pytest
 from filelock import FileLock
+from programs import python
 
 from rattle.compare.warm_up import DoneTasks, compile_tasks, measure_times
 from rattle.scene import compile_ahead, compiled
@@ -105,18 +103,8 @@ def test_another_process_compiles_what_a_session_will_need(tmp_path):
         if file.name.startswith((*MISSING, "task-")):
             file.unlink()
     there = len(list(place.rglob("*.nbc")))
-    environment = os.environ | {compile_ahead.COMPILERS: "2", "NUMBA_CACHE_DIR": str(tmp_path)}
-    environment.pop("PYTEST_XDIST_WORKER", None)
-    done = [
-        subprocess.run(
-            [sys.executable, "-c", CODE],
-            env=environment,
-            capture_output=True,
-            text=True,
-            check=True,
-        )
-        for _ in range(2)
-    ]
+    environment = {compile_ahead.COMPILERS: 2, "NUMBA_CACHE_DIR": tmp_path}
+    done = [python("-c", CODE, PYTEST_XDIST_WORKER=None, **environment) for _ in range(2)]
     started, own, every = map(int, done[0].stdout.split())
     assert started == 1
     assert 0 < own < every - there

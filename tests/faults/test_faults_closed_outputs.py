@@ -2,12 +2,11 @@
 files."""
 
 import io
-import os
 import subprocess
 import sys
 
 import pytest
-from programs import LONG
+from programs import LONG, surroundings
 
 from rattle import DAT21, Scene, simulate
 from rattle.scene.progress import has_terminal, print_on_stderr
@@ -21,11 +20,9 @@ COMMAND = "from rattle.compare.cli.main import main; main()"
 
 def shell(words, *command, **environment):
     """Run Python in a shell with redirected outputs; returns exit code and standard output."""
-    found = {"PYTHONPATH": os.pathsep.join(filter(None, sys.path)), **environment}
     line = ["sh", "-c", f'exec "$@" {words}', "sh", sys.executable, *command]
-    done = subprocess.run(
-        line, env=os.environ | found, stdout=subprocess.PIPE, text=True, timeout=LONG
-    )
+    settings = {"env": surroundings(environment), "text": True, "timeout": LONG}
+    done = subprocess.run(line, stdout=subprocess.PIPE, **settings)
     return done.returncode, done.stdout
 
 

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 from commands import rattle, study
-from programs import python
+from programs import python, surroundings
 from small_disks import disk, make_read_only
 
 WRITERS = {
@@ -87,14 +87,13 @@ def begin(command, place):
     place.mkdir()
     (place / "study.toml").write_text(study(impacts=2, paths=50_000_000, sigma=(0.1, 0.2)))
     words = [sys.executable, "-X", "importtime", "-m", "rattle.compare.cli.main"]
-    environment = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
     with place.with_suffix(".txt").open("wb") as said:
         return subprocess.Popen(
             [*words, *command.split(), *LONG[command].split()],
             cwd=place,
             stdout=subprocess.DEVNULL,
             stderr=said,
-            env=environment,
+            env=surroundings({}),
         )
 
 

@@ -8,7 +8,7 @@ from typing import ClassVar
 
 import pandas as pd
 import pytest
-from programs import python
+from programs import install, python
 
 from rattle.compare.engine.store import Cell, Content, Store, numerical_version, open_store
 from rattle.compare.report.provenance import provenance
@@ -62,9 +62,7 @@ def run(tmp_path):
     """A function that runs code with a small installation of its own; returns what it prints, and
     on standard error."""
     place = tmp_path / "installed" / "rattle"
-    sources_alone = shutil.ignore_patterns("__pycache__")
-    shutil.copytree(ROOT / "src" / "rattle", place, ignore=sources_alone)
-    shutil.copytree(ROOT / "scene", place / "scene", ignore=sources_alone)
+    install(place)
     (place / "scene" / "inner.py").write_text(INNER)
     (place / "scene" / "outer.py").write_text(OUTER)
     environment = {"PYTHONPATH": str(place.parent), "NUMBA_CACHE_DIR": str(tmp_path / "kept")}

@@ -2,11 +2,10 @@
 says what to do."""
 
 import random
-import subprocess
-import sys
 import time
 
 import pytest
+from programs import start
 from small_disks import disk
 
 from rattle.compare.report import folder as module
@@ -42,9 +41,7 @@ def test_killed_at_any_moment_a_folder_is_old_or_new(tmp_path):
     out = tmp_path / "report"
     draw = random.Random(1)
     for _ in range(8):
-        with subprocess.Popen(
-            [sys.executable, "-c", WRITER, out], stdout=subprocess.PIPE, text=True
-        ) as running:
+        with start("-c", WRITER, out) as running:
             running.stdout.readline()
             time.sleep(draw.uniform(0.0, 0.02))
             running.kill()

@@ -2,13 +2,12 @@
 
 import platform
 import re
-import subprocess
-import sys
 import threading
 from contextlib import contextmanager
 
 import pytest
 from commands import study
+from programs import LONG, start
 from studies import Runner, Store, run
 
 from rattle import Study
@@ -25,16 +24,12 @@ with ExitStack() as stack:
     print(all([stack.enter_context(store.alone(key)) for key in sys.argv[2:]]), flush=True)
     sys.stdin.read()
 """
-LONG = 120.0  # seconds that nothing here takes, however busy the machine
 
 
 @contextmanager
 def locked_elsewhere(store, cells):
     """Context with another process that locks cells; yields its process id."""
-    command = [sys.executable, "-c", HOLD, store.folder, *(cell.key for cell in cells)]
-    with subprocess.Popen(
-        command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
-    ) as other:
+    with start("-c", HOLD, store.folder, *(cell.key for cell in cells)) as other:
         assert other.stdout.readline() == "True\n"
         yield other.pid
         other.stdin.close()
@@ -98,14 +93,13 @@ def test_a_study_whose_cells_are_in_other_hands_says_so_once(store, monkeypatch)
     assert text in (store.folder.parent / "study.log").read_text()
 
 
-@pytest.mark.parametrize("words", [[], ["-s"]])
-def test_under_pytest_it_is_said_while_the_test_runs(pytester, words):
+def test_under_pytest_it_is_said_while_the_test_runs(pytester):
     pytester.makepyfile("""
         from rattle.compare.thresholds.decision import _past_capture
 
         def test_it(request):
             _past_capture(request.config)("waiting for process 1")
     """)
-    found = pytester.runpytest_subprocess(*words)
+    found = pytester.runpytest_subprocess()
     found.assert_outcomes(passed=1)
     found.stderr.fnmatch_lines(["rattle: waiting for process 1"])

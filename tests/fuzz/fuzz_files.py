@@ -8,10 +8,9 @@ from typing import Any
 
 import tomli_w
 from click.testing import CliRunner, Result
-from commands import strict
+from commands import main, strict
 from fuzz_must import Ended, must
 
-from rattle.compare.cli.main import main
 from rattle.scene import Scene
 
 

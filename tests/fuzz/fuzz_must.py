@@ -5,12 +5,11 @@ from typing import Any
 import numpy as np
 
 from rattle import Scene
-from rattle.compare.judge.rows import TOO_FEW_FOR_INTERVAL
-from rattle.compare.judge.verdict import Verdict
 from rattle.scene import SECTION, STATE, RattleError
 
 FAINTEST = 1e-289  # smallest power of an sd that can be a divisor
 SLACK = 1e-9  # relative rounding error of a correlation and of an eigenvalue
+JUDGED = ["accurate", "inaccurate", "undecided"]
 Ended = tuple[str, str]
 SIMPLE: dict[str, Any] = {
     "scene": {
@@ -62,13 +61,13 @@ def semidefinite(covariance: Any, scales: Any = None) -> None:
 def has_verdicts(table: Any) -> None:
     """Every row of a comparison has a verdict; where it says more than that there is nothing to
     say, numbers do too."""
-    must(table["verdict"].isin(list(Verdict)), table["verdict"].unique())
-    judged = table[table["verdict"].isin(["accurate", "inaccurate", "undecided"])]
+    must(table["verdict"].isin([*JUDGED, "not predicted", "excluded"]), table["verdict"].unique())
+    judged = table[table["verdict"].isin(JUDGED)]
     numbers = ["predicted", "simulated", "error", "tolerance", "agreement"]
     interval = ["se", "low", "high"]
     must(np.isfinite(judged[numbers].to_numpy(float)), "judged without a number\n", judged[numbers])
     must(judged["tolerance"] >= 0.0, "tolerance\n", judged[numbers])
-    told = judged[~judged["remark"].str.contains(TOO_FEW_FOR_INTERVAL, regex=False)]
+    told = judged[~judged["remark"].str.contains("too few paths for an interval")]
     must(
         np.isfinite(told[interval].to_numpy(float)), "judged without an interval\n", told[interval]
     )

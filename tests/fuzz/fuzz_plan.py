@@ -7,10 +7,11 @@ from typing import Any, NamedTuple
 from fuzz_space import LEAST, Numbers, any_scene
 
 from rattle.montecarlo import SCHEMES, default_step, largest_step
-from rattle.montecarlo.settings import DEFAULT_STEPS, HORIZON_PER_IMPACT
 from rattle.scene import RattleError, Scene
 
 WORK = 1e6  # steps of all paths
+HORIZON_PER_IMPACT = 50.0  # time and steps after which a path is given up by default
+DEFAULT_STEPS = 10**7
 ALONE = 2  # paths that may take the default horizon, of up to ten million steps
 USUAL = 0.3  # smallest step with the default horizon, in units of the default step
 # steps of the default horizon above which entries without another horizon are tried rarely

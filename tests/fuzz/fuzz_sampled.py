@@ -16,7 +16,6 @@ from fuzz_must import FAINTEST, SLACK, Ended, must, own, semidefinite
 from settings import recorded
 
 from rattle.montecarlo import Ensemble, simulate, simulate_to
-from rattle.montecarlo.settings import is_random
 from rattle.scene import SECTION, Constants, Scene, Tolerance
 from rattle.scene.flight import flow, wheel_speeds
 from rattle.scene.impact import struck
@@ -75,6 +74,11 @@ def accuracy(scene: Scene, settings: dict[str, Any]) -> Ended:
     if not is_random(scene):
         must(run.plan.paths == 1, "identical paths are computed", run.plan.paths)
     return ("complete", "") if reach.reached else ("stopped", "budget")
+
+
+def is_random(scene: Scene) -> bool:
+    """Whether paths differ."""
+    return scene != scene.noise_free
 
 
 def of_an_ensemble(run: Ensemble) -> None:

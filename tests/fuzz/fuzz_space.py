@@ -11,11 +11,14 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from rattle.scene.parts import GAPS, LARGEST_SPEED, LARGEST_TIME, LEAST_SIZE, UNIT_VARIANCE
-from rattle.scene.scene import LARGEST_VALUES
-
 LEAST = 5e-324
 """The least number above 0."""
+# what is admissible, as test_fuzz_limits.py has it
+LEAST_SIZE = 1e-30
+GAPS = (1e-9, 1e6)
+LARGEST = 1e6  # alpha, gamma, sigma and speeds
+LARGEST_DAMPING = 1e4
+LARGEST_TIME = 1e12
 BELOW_ONE = 1.0 - 2.0**-53
 SIZES = (1e-12, 1e12)  # of a gear
 Data = dict[str, Any]
@@ -94,16 +97,16 @@ def _share(n: Numbers) -> float:
 
 
 def _damping(n: Numbers, tame: bool) -> float:
-    return n.size(1e-3, 10.0) if tame else n.size(LEAST, LARGEST_VALUES["beta1"])
+    return n.size(1e-3, 10.0) if tame else n.size(LEAST, LARGEST_DAMPING)
 
 
 def _plain(n: Numbers, lengths: _Lengths, stages: int) -> Data:
     tame = lengths.unit is not None
     scene: Data = {
-        "alpha": lengths.size(LEAST_SIZE, LARGEST_VALUES["alpha"]),
+        "alpha": lengths.size(LEAST_SIZE, LARGEST),
         "epsilon": _share(n),
         "beta1": _damping(n, tame),
-        "gamma1": lengths.size(LEAST_SIZE, LARGEST_VALUES["gamma1"]),
+        "gamma1": lengths.size(LEAST_SIZE, LARGEST),
         "gap1": lengths.size(*GAPS, zero=False),
     }
     if stages == 2 or n.often(0.2):
@@ -111,7 +114,7 @@ def _plain(n: Numbers, lengths: _Lengths, stages: int) -> Data:
         scene["beta2"] = n.one(
             beta1, min(math.nextafter(beta1, math.inf), 1e4), *(_damping(n, tame) for _ in range(6))
         )
-        scene["gamma2"] = lengths.size(LEAST_SIZE, LARGEST_VALUES["gamma2"])
+        scene["gamma2"] = lengths.size(LEAST_SIZE, LARGEST)
         scene["gap2"] = n.one(scene["gap1"], *(lengths.size(*GAPS, zero=False) for _ in range(3)))
         near_one = 1.0 - n.size(2.0**-53, 0.5, zero=False)
         scene["mu"] = n.one(
@@ -152,7 +155,7 @@ def _tolerance(n: Numbers, gaps: tuple[float, float], stages: int) -> Data:
     return {
         "c1_max": _deviation(n, gaps[0]),
         "c2_max": second,
-        "distribution": n.one(*UNIT_VARIANCE),
+        "distribution": n.one("fixed", "uniform", "normal"),
         "draw": n.one("path", "contact"),
     }
 
@@ -167,7 +170,7 @@ def _start(
     start: Data = {"tau": tau, "mesh": mesh}
     for i in (1, 2):
         side = n.one(1.0, -1.0)
-        speed = lengths.size(LEAST, LARGEST_SPEED, zero=False)
+        speed = lengths.size(LEAST, LARGEST, zero=False)
         where = "flank" if mesh == i else n.one("flank", "edge", "inside", "inside", "near")
         inward = mesh == 0 and i <= stages
         if where == "flank":
@@ -199,7 +202,7 @@ def any_scene(n: Numbers) -> Data:
         gaps = scene["gap1"], scene.get("gap2", 0.5)
     scene = data["scene"]
     deviations = (0.0, 0.0)
-    scene["sigma"] = 0.0 if n.often(0.2) else lengths.size(LEAST_SIZE, LARGEST_VALUES["sigma"])
+    scene["sigma"] = 0.0 if n.often(0.2) else lengths.size(LEAST_SIZE, LARGEST)
     if n.often(0.4):
         scene["tolerance"] = tolerance = _tolerance(n, gaps, stages)
         deviations = tolerance["c1_max"], tolerance["c2_max"]

@@ -43,6 +43,7 @@ def test_a_scene_of_any_magnitude_is_answered_stopped_with_a_reason_or_refused_b
     check(*job(0, number, entry))
 
 
+@pytest.mark.usefixtures("undrawn")
 @pytest.mark.parametrize(
     "case", FOUND, ids=[f"{case['entry']}: {case['defect']}" for case in FOUND]
 )

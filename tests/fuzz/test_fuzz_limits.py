@@ -53,24 +53,12 @@ def test_the_range_of_a_field(field, inside, beyond):
             make(**{name: value})
 
 
-@pytest.mark.parametrize(
-    "value", [10**30, "x" * 10_000, np.array([0.5, 0.6]), [[]], 1j, {}], ids=type
-)
-def test_any_value_is_refused_in_a_short_message(value):
-    with pytest.raises(InputError, match=r"^alpha = ") as caught:
-        scene(alpha=value)
-    assert len(str(caught.value)) < 500
-
-
 def test_clock_times_end_with_the_orbit_and_not_with_its_shifted_mean():
     m = mean_map(scene(sigma=1e6), impacts=3)
     last = follow(m.scene, 3).tau[m.trace.found]
     assert len(m.at_times([0.5 * last])) == 1
     with pytest.raises(InputError, match="times"):
         m.at_times([last + 1e9])
-    for bad in ("abc", 3.0j, [[1.0], [2.0, 3.0]]):
-        with pytest.raises(InputError, match="times"):
-            m.at_times(bad)
 
 
 def test_a_displacement_on_its_wall_has_no_density():

@@ -9,7 +9,7 @@ from click.testing import CliRunner
 
 from rattle.compare.cli.main import main
 
-__all__ = ["commands", "rattle", "strict", "study"]
+__all__ = ["commands", "main", "rattle", "strict", "study"]
 
 STUDY = """
 [study]

@@ -3,37 +3,51 @@
 import os
 import pty
 import re
+import shutil
 import subprocess
 import sys
+from pathlib import Path
 
 LONG = 600  # seconds that nothing here takes, however busy the machine
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def install(place):
+    """Copy the face of the package and what all of it rests on into a folder."""
+    place.mkdir(parents=True)
+    sources_alone = shutil.ignore_patterns("__pycache__")
+    for source, target in (("src/rattle", place), ("scene", place / "scene")):
+        shutil.copytree(ROOT / source, target, ignore=sources_alone, dirs_exist_ok=True)
+
+
+def surroundings(environment):
+    """The environment of this process with changes, None for what is unset, in which a Python finds
+    the modules that this one finds."""
+    path = {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+    changed = os.environ | path | environment
+    return {name: str(value) for name, value in changed.items() if value is not None}
 
 
 def python(*words, code=0, cwd=None, **environment):
-    """Run a Python that finds the modules that this one finds, and ends with this exit code."""
-    path = {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+    """Run a Python that ends with this exit code."""
     command = [sys.executable, *map(str, words)]
-    done = subprocess.run(
-        command,
-        env=os.environ | path | environment,
-        cwd=cwd,
-        capture_output=True,
-        text=True,
-        timeout=LONG,
-    )
+    settings = {"env": surroundings(environment), "cwd": cwd, "timeout": LONG}
+    done = subprocess.run(command, capture_output=True, text=True, **settings)
     assert done.returncode == code, done.stdout[-3000:] + done.stderr[-3000:]
     return done
+
+
+def start(*words, **environment):
+    """A Python that runs, with pipes for text."""
+    pipes = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.PIPE)
+    command = [sys.executable, *map(str, words)]
+    return subprocess.Popen(command, env=surroundings(environment), text=True, bufsize=1, **pipes)
 
 
 def on_terminal(*words, **environment):
     """Run a Python whose output is a terminal; all that it wrote, and the lines that are seen at
     its end."""
-    path = {"PYTHONPATH": os.pathsep.join(filter(None, sys.path)), "COLUMNS": "100"}
-    given = (
-        {name: value for name, value in os.environ.items() if name != "PYTEST_CURRENT_TEST"}
-        | path
-        | environment
-    )
+    given = surroundings({"COLUMNS": 100, "PYTEST_CURRENT_TEST": None} | environment)
     ours, theirs = pty.openpty()
     ends = {"stdin": theirs, "stdout": theirs, "stderr": theirs}
     with subprocess.Popen([sys.executable, *map(str, words)], env=given, **ends) as program:

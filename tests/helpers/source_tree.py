@@ -40,12 +40,12 @@ def import_graph(modules: dict[str, ast.Module]) -> dict[str, set[str]]:
     graph: dict[str, set[str]] = {name: set() for name in modules}
     for name, tree in modules.items():
         for node in ast.walk(tree):
-            if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("rattle."):
-                source = str(node.module).removeprefix("rattle.")
-                targets = {f"{source}.{alias.name}" for alias in node.names}
-                graph[name] |= (targets & modules.keys()) | (
-                    {source} & modules.keys() if targets - modules.keys() else set()
-                )
+            if isinstance(node, ast.ImportFrom) and f"{node.module}.".startswith("rattle."):
+                source = str(node.module).removeprefix("rattle").removeprefix(".")
+                targets = {f"{source}.{alias.name}".removeprefix(".") for alias in node.names}
+                graph[name] |= targets & modules.keys()
+                if targets - modules.keys():
+                    graph[name] |= {source} & modules.keys()
     return graph
 
 

@@ -27,10 +27,7 @@ from rattle.montecarlo.long_run.walk import Walk
 from rattle.montecarlo.noise.philox import key_of
 from rattle.montecarlo.schemes.euler import step_forcing
 from rattle.montecarlo.settings import plan_of
-from rattle.montecarlo.statistics.central_sums import CentralSums, columns_of
 from rattle.scene import DAT21, Order, Scene, Start, Tolerance
-from rattle.scene.flight import field, field_rate, flow, jacobian, noise_covariance, system_matrix
-from rattle.scene.impact import contact_matrix, energy_loss
 from rattle.scene.long_orbit import LongOrbit, velocities
 from rattle.scene.orbit import follow
 
@@ -68,19 +65,6 @@ SCENES = {
     "driven": DRIVEN,
     "in flight": replace(PAIR, start=Start(0.2, 0.1, 1.0, 0.2, -1.0)),
 }
-
-
-def flights():
-    """Free flight and impact by themselves."""
-    for scene in (PAIR, LONE, UNDAMPED, DRIVEN):
-        c = scene.constants
-        for t in (1e-3, 0.7, 9.0):
-            yield flow(c, 0.3, 0.1, -0.4, -0.2, 0.5, t)
-            yield from (jacobian(c, t), noise_covariance(c, 0.3, t))
-        yield from (field(c, 0.3, -0.4, 0.5), field_rate(c, 0.3), system_matrix(c))
-        for mesh in (0, 1, 2):
-            yield contact_matrix(c, mesh)
-            yield energy_loss(c, mesh, 0.7, -0.4)
 
 
 def orbits(scene):
@@ -164,15 +148,16 @@ def long_run_sums(scene):
     yield from (kept.main, kept.power, kept.products, kept.histogram, kept.section)
 
 
-def sums():
-    """Central sums of a few numbers, some of them missing, and loops of the bench."""
-    values = np.random.default_rng(3).normal(size=(2, 50))
-    values[0, 7] = values[1, 9] = np.nan
-    columns = columns_of(values.T)
-    both = CentralSums.of_columns(
-        columns, columns, np.array([[0, 0], [0, 1]]), ((0, 2), (1, 1)), (2,)
-    )
-    yield from (both.n, both.mean, both.sums, both.merge(both).sums)
+def merged():
+    """Sums of nine paths, merged with themselves."""
+    record = Record(energy=True)
+    run = simulate(PAIR, paths=9, impacts=1, dt=STEP["exact-flight"], rng=5, record=record)
+    sums = run.result.sums["section"]
+    yield from (sums.n, sums.mean, sums.sums, sums.merge(sums).sums)
+
+
+def bench():
+    """Loops of the bench."""
     z = np.zeros((4, 8))
     paths = np.arange(8, dtype=np.uint64)
     _normals(key_of(np.random.SeedSequence(1)), paths, z, 2)
@@ -204,8 +189,8 @@ SAMPLED = {
 """Scenes by the scheme that samples them."""
 
 CASES: dict[str, Callable] = {
-    "flights": flights,
-    "sums": sums,
+    "bench": bench,
+    "sums": merged,
     "rare branches": rare_branches,
     "orbit, far": lambda: orbits(FAR),
     "published, undamped": lambda: predicted(UNDAMPED, "published", 6),

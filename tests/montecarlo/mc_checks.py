@@ -8,9 +8,14 @@ from scipy import stats
 
 from rattle.closure import follow
 from rattle.montecarlo import Ensemble, Record, simulate
-from rattle.montecarlo.noise.philox import BRIDGE, STEP, Key, normals
+from rattle.montecarlo.kernel.block import BLOCK
+from rattle.montecarlo.kernel.blocks import in_threads
+from rattle.montecarlo.long_run.walk import Walk
+from rattle.montecarlo.noise.philox import BRIDGE, STEP, Key, key_of, normals
 from rattle.scene import DAT21, Scene, Start, Tolerance
 from rattle.scene.compiled import jit
+
+__all__ = ["BLOCK", "Walk", "in_threads", "key_of"]  # of the package, for several tests
 
 FALSE_ALARM = 1e-3
 """Chance that a whole family of z-scores of a correct program fails, before its seed was fixed."""

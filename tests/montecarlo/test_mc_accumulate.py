@@ -1,5 +1,4 @@
-"""Mergeable sums: against numpy and scipy on the whole sample, and standard errors against
-replicated samples."""
+"""Standard errors against replicated samples, and intervals where few paths carry the error."""
 
 import math
 
@@ -7,37 +6,28 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from rattle import judge
 from rattle.montecarlo.statistics import intervals
-from rattle.montecarlo.statistics.central_sums import CentralSums, columns_of
-from rattle.montecarlo.statistics.intervals import spread
-from rattle.montecarlo.statistics.section_statistics import (
-    PAIR,
-    SINGLE,
-    pair_statistics,
-    single_statistics,
-)
-
-
-def central_sums(a, b, orders):
-    """Sums of one block of paths; `a` and `b` have the shape (paths, ...)."""
-    cells = np.tile(np.arange(a[0].size), (2, 1))
-    return CentralSums.of_columns(columns_of(a), columns_of(b), cells, orders, a.shape[1:])
-
 
 REPLICAS = 1500
-SIZE = 4000
+
+
+def scores(samples, truth):
+    """(value - truth) / se over replicated samples, by moment; shape of `samples`: (paths,
+    replicas)."""
+    claim = {column: np.full(REPLICAS, value) for column, value in truth.items()}
+    table = judge(claim, samples, checks=1).table
+    return (table["error"] / table["se"]).groupby(table["moment"]).agg(np.array)
 
 
 @pytest.fixture(scope="module")
 def z_scores():
-    """(value - truth) / se over replicated samples of a Beta(1, 8): skew 1.4, excess kurtosis
-    2.3."""
+    """Of a Beta(1, 8): skew 1.4, excess kurtosis 2.3."""
     distribution = stats.beta(1.0, 8.0)
-    a = distribution.rvs((SIZE, REPLICAS), random_state=4)
-    s = single_statistics(central_sums(a, a, SINGLE))
+    draws = distribution.rvs((4000, REPLICAS), random_state=4)
     mean, variance, skew, kurt = distribution.stats("mvsk")
-    truth = {"mean": mean, "sd": math.sqrt(variance), "skew": skew, "kurt": kurt}
-    return {name: (s[name] - t) / s["se_" + name] for name, t in truth.items()}
+    truth = {"x": mean, "sd_x": math.sqrt(variance), "skew_x": skew, "kurt_x": kurt}
+    return scores({"x": draws}, truth)
 
 
 # 1500 replicas give the sd of z to 2 %; the errors are estimated too, from up to the eighth moment:
@@ -47,8 +37,7 @@ BAND = {"mean": 0.07, "sd": 0.07, "skew": 0.1, "kurt": 0.15}
 
 @pytest.mark.parametrize("name", BAND)
 def test_standard_errors_of_a_skewed_variable_have_the_size_they_claim(z_scores, name):
-    z = z_scores[name]
-    assert abs(z.std() - 1.0) < BAND[name]
+    assert abs(z_scores[name].std() - 1.0) < BAND[name]
 
 
 def test_gaussian_formula_for_the_error_of_an_sd_would_fail_that_band(z_scores):
@@ -57,27 +46,22 @@ def test_gaussian_formula_for_the_error_of_an_sd_would_fail_that_band(z_scores):
     assert abs(gaussian.std() - 1.0) > BAND["sd"]
 
 
-def pair(kind, shape, seed):
-    """A pair with correlation 0.6, Gaussian or with the heavy tails of a t with 10 degrees of
-    freedom."""
-    rng = np.random.default_rng(seed)
-    u, v = rng.standard_normal((2, *shape))
-    v = 0.6 * u + 0.8 * v
-    tail = np.sqrt(rng.chisquare(10.0, shape) / 10.0) if kind == "heavy" else 1.0
-    return u / tail, v / tail
-
-
 @pytest.mark.parametrize("kind", ["gaussian", "heavy"])
-def test_standard_error_of_fisher_z_has_the_size_it_claims(kind):
-    a, b = pair(kind, (2000, REPLICAS), 6)
-    s = pair_statistics(central_sums(a, b, PAIR))
-    np.testing.assert_allclose(s["rho"][0], np.corrcoef(a[:, 0], b[:, 0])[0, 1], rtol=1e-12)
-    z = (np.arctanh(s["rho"]) - math.atanh(0.6)) / s["se_z"]
+def test_standard_error_of_a_correlation_has_the_size_it_claims(kind):
+    """Of a Gaussian pair, and of the heavy tails of a t with 10 degrees of freedom; 1 / sqrt(n)
+    for Fisher's z is for Gaussian pairs alone."""
+    rng = np.random.default_rng(6)
+    u, v = rng.standard_normal((2, 2000, REPLICAS))
+    v = 0.6 * u + 0.8 * v
+    tail = np.sqrt(rng.chisquare(10.0, u.shape) / 10.0) if kind == "heavy" else 1.0
+    z = scores({"x": u / tail, "v": v / tail}, {"x": 0.0, "v": 0.0, "rho_x_v": 0.6})["rho"]
     assert abs(z.std() - 1.0) < 0.08
-    naive = (np.arctanh(s["rho"]) - math.atanh(0.6)) * math.sqrt(2000)
-    assert (abs(naive.std() - 1.0) < 0.08) == (
-        kind == "gaussian"
-    )  # 1 / sqrt(n) is for Gaussian pairs alone
+    # error of Fisher's z in units of 1 / sqrt(n)
+    rho = np.array(
+        [np.corrcoef(a, b)[0, 1] for a, b in zip((u / tail).T, (v / tail).T, strict=True)]
+    )
+    naive = (np.arctanh(rho) - math.atanh(0.6)) * math.sqrt(2000)
+    assert (abs(naive.std() - 1.0) < 0.08) == (kind == "gaussian")
 
 
 SAMPLES = 2000
@@ -91,22 +75,21 @@ def coverage(bursts):
     held = 0
     for _ in range(SAMPLES):
         number = rng.poisson(bursts / PATHS, PATHS)
-        low, high = spread(rng.gamma(np.maximum(number, 1)) * (number > 0)).interval()
+        parts = rng.gamma(np.maximum(number, 1)) * (number > 0)
+        low, high = intervals.spread(parts).interval()
         held += low <= bursts / PATHS <= high
     return held / SAMPLES
 
 
-def slack():
-    """Four standard errors of a coverage of 95 %."""
-    return 4.0 * math.sqrt(0.05 * 0.95 / SAMPLES)
+SLACK = 4.0 * math.sqrt(0.05 * 0.95 / SAMPLES)
+"""Four standard errors of a coverage of 95 %."""
 
 
 @pytest.mark.parametrize("bursts", [6, 20, 100, 1000])
 def test_intervals_hold_the_truth_even_where_few_paths_carry_the_error(bursts):
     """At least as often as they say; up to 3 % more often where skewness cannot be told from
     chance."""
-    held = coverage(bursts)
-    assert 0.95 - slack() < held < 0.98 + slack()
+    assert 0.95 - SLACK < coverage(bursts) < 0.98 + SLACK
 
 
 def test_intervals_that_rest_on_all_paths_do_not(monkeypatch):

@@ -8,12 +8,10 @@ for them.
 import logging
 
 import pytest
-from mc_checks import dat21
+from mc_checks import BLOCK, dat21, in_threads
 
 from rattle import Sampling
 from rattle.montecarlo import AccuracyWarning, simulate, simulate_to
-from rattle.montecarlo.kernel.block import BLOCK
-from rattle.montecarlo.kernel.blocks import in_threads
 from rattle.scene import InputError, Scene, Start
 
 

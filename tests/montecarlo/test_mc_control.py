@@ -7,7 +7,7 @@ from mc_checks import agrees, dat21
 
 from rattle import Sampling
 from rattle.montecarlo import simulate
-from rattle.scene import SECTION, Scene
+from rattle.scene import SECTION
 
 STEP = np.pi / 64.0
 
@@ -55,38 +55,3 @@ def test_errors_have_the_size_they_claim():
         errors = np.array([columns(r, "se_" + prefix)[:, [0, 3, 5]] for r in runs])
         ratio = values.std(axis=0, ddof=1) / errors.mean(axis=0)
         assert 0.75 < np.median(ratio) < 1.25
-
-
-CHATTER = Scene(
-    alpha=1.2,
-    epsilon=0.05,
-    beta1=0.04,
-    beta2=0.07,
-    gamma1=0.08,
-    gamma2=0.38,
-    mu=0.55,
-    gap1=0.2,
-    gap2=0.08,
-    sigma=0.2,
-)
-
-
-@pytest.mark.parametrize("paths", [32, 64])
-def test_mean_times_rise_from_impact_to_impact_whatever_few_paths_make_of_the_slopes(paths):
-    """Flights far shorter than the error of their times: half of these runs had a mean impact
-    before the last one."""
-    left = 0
-    for seed in range(10):
-        settings = {"paths": paths, "impacts": 8, "scheme": "exact-flight", "rng": seed}
-        run, plain = (
-            simulate(CHATTER, sampling=Sampling(horizon=40.0, control=c), **settings)
-            for c in (True, False)
-        )
-        assert run.unfinished == 0
-        assert run.section["tau"].is_monotonic_increasing
-        assert (run.section["flight"] >= 0.0).all()
-        left += run.section["tau"].equals(plain.section["tau"])
-        assert not run.section["y1"].equals(
-            plain.section["y1"]
-        )  # what is possible is adjusted all the same
-    assert 0 < left < 10

@@ -11,9 +11,6 @@ import rattle
 from rattle import Sampling
 from rattle.closure import CLOSURES
 from rattle.montecarlo import Record, simulate
-from rattle.montecarlo.branches import search as branches
-from rattle.montecarlo.diagnostics import accuracy, diagnostics
-from rattle.montecarlo.kernel import block
 
 LOCATED = "euler-maruyama-located"
 PLAIN = "euler-maruyama"
@@ -72,22 +69,6 @@ def test_sticking_after_the_last_impact_is_no_fault_of_the_section():
     assert any("a mesh stayed closed" in said for said in timed.diagnostics)
 
 
-def test_few_paths_and_a_horizon_that_nobody_reaches_are_diagnosed_without_a_warning():
-    for sigma in (0.0, 0.1):
-        for settings in (
-            {"paths": 1},
-            {"paths": 2},
-            {"paths": 2, "sampling": Sampling(horizon=0.02)},
-        ):
-            for scheme in (LOCATED, PLAIN, EXACT):
-                record = Record(step_bias=scheme != EXACT, times=[0.016])
-                found = run(sigma=sigma, scheme=scheme, record=record, **{"dt": 0.004} | settings)
-                assert (found.unfinished > 0) == any(
-                    "before the time limit" in said for said in found.diagnostics
-                )
-                assert (len(found.section), len(found.at_times())) == (4, 1)
-
-
 SCENE = rattle.Scene.from_gears(rattle.DAT21, sigma=0.1)
 STEPPED = {"scheme": "euler-maruyama-located", "dt": 0.01, "record": rattle.Record(step_bias=False)}
 MADE = {
@@ -109,14 +90,14 @@ def forbid(monkeypatch):
     def fail(*_, **__):
         pytest.fail("a repr computes")
 
-    for owner, name in (
-        (block, "sample"),
-        (block, "run"),
-        (diagnostics, "noise_free_path"),
-        (accuracy, "unseen"),
+    for name in (
+        "kernel.block.sample",
+        "kernel.block.run",
+        "diagnostics.diagnostics.noise_free_path",
+        "diagnostics.accuracy.unseen",
+        "branches.search.BranchSearch.until",
     ):
-        monkeypatch.setattr(owner, name, fail)
-    monkeypatch.setattr(branches.BranchSearch, "until", fail)
+        monkeypatch.setattr(f"rattle.montecarlo.{name}", fail)
     monkeypatch.setattr(type(CLOSURES["saltation"]), "trace", fail)
 
 

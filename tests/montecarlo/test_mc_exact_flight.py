@@ -15,7 +15,6 @@ from mc_checks import (
     orbit_of,
 )
 
-from rattle import Sampling
 from rattle.montecarlo import Record, largest_step, simulate
 from rattle.scene import Start, Tolerance
 
@@ -107,30 +106,6 @@ def test_coarse_levels_of_one_noise_differ_by_no_bias():
     seen = table[table.se_bias > 1e-9]
     assert len(seen) > 20
     assert agrees(seen.bias, 0.0, seen.se_bias)
-
-
-@pytest.mark.parametrize("scene", [UNEQUAL_GAPS, TOLERANT], ids=["fixed walls", "redrawn walls"])
-def test_paths_that_stick_where_the_noise_vanishes_stay_within_the_gap(scene):
-    """Around tau = 2 pi the noise of stage 1 goes through zero while the chatter of both stages
-    dies out.
-
-    A path that creeps along a wall there must not use up its cuts, nor pass the wall if it does.
-    """
-    c1, c2 = (scene.tolerance.c1_max, scene.tolerance.c2_max) if scene.tolerance else (0.0, 0.0)
-    run = sampled(
-        replace(scene, sigma=0.5),
-        math.pi / 64.0,
-        4000,
-        60,
-        rng=2,
-        sampling=Sampling(horizon=7.0),
-        record=Record(raw=True),
-    )
-    raw = run.raw[np.isfinite(run.raw[:, :, 0])]
-    assert len(raw) > 50_000
-    assert np.isfinite(raw).all()
-    assert np.abs(raw[:, 2]).max() <= scene.gap1 * (1.0 + 1e-9) + c1
-    assert np.abs(raw[:, 4]).max() <= scene.gap2 * (1.0 + 1e-9) + c2
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,7 @@
 """What simulate() refuses, with which words, before any path has run."""
 
 import math
+from dataclasses import replace
 
 import pytest
 from mc_checks import dat21
@@ -8,8 +9,6 @@ from mc_checks import stepped as simulate
 from settings import recorded
 
 from rattle.montecarlo import Sampling, largest_step, simulate_rare, simulate_to
-from rattle.montecarlo import settings as validation
-from rattle.montecarlo.kernel import blocks
 from rattle.scene import InputError, Order, Scene, Start, Tolerance
 
 ORDERS = dat21(0.1, drive=(Order(50),))
@@ -101,8 +100,8 @@ def simulated(**settings):
 @pytest.mark.parametrize("case", BAD)
 def test_bad_input_is_refused_before_any_block_runs(case, monkeypatch):
     settings, words = BAD[case]
-    monkeypatch.setattr(blocks, "run", lambda *_: pytest.fail("work was done"))
-    monkeypatch.setattr(validation, "sample", lambda *_: pytest.fail("work was done"))
+    for name in ("kernel.blocks.run", "settings.sample"):
+        monkeypatch.setattr(f"rattle.montecarlo.{name}", lambda *_: pytest.fail("work was done"))
     with pytest.raises(InputError, match=words):
         simulated(**settings)
 
@@ -182,8 +181,9 @@ def test_run_that_could_not_end_is_refused_or_given_up_early():
         InputError, match=r"horizon = 600.0: must be at most 5, 1e\+09 steps of 5e-09; .* h$"
     ):
         simulated(scene=narrow, horizon=600.0, scheme="euler-maruyama", dt=5e-9)
-    plan = validation.plan_of(narrow, paths=1, impacts=3, dt=5e-9, scheme="euler-maruyama")
-    assert plan.most_steps == validation.DEFAULT_STEPS
+    slow = replace(narrow, start=Start(0.0, 0.0, 1e-12))
+    run = simulated(scene=slow, paths=1, dt=1e-6, scheme="euler-maruyama")
+    assert (run.unfinished, run.path_steps) == (1, 10_000_000)
 
 
 def test_rare_branches_are_of_white_noise():

@@ -10,11 +10,10 @@ from itertools import count
 
 import numpy as np
 import pytest
-from mc_checks import DAMPED, bridge_normal, dat21, step_normals
+from mc_checks import DAMPED, bridge_normal, dat21, key_of, step_normals
 from oracle import two_stages
 
 from rattle.montecarlo import Record, largest_step, simulate
-from rattle.montecarlo.noise.philox import key_of
 from rattle.scene import Scene, Start
 
 KEPT = [0, 2, 3, 4, 5, 6]  # columns of a row that the oracle has: all but the time of flight

@@ -5,7 +5,6 @@ import pytest
 
 import rattle as rt
 from rattle import DAT21, Scene
-from rattle.compare.judge.rows import BY_STEP
 
 QUIET = Scene.from_gears(DAT21, sigma=0.01)
 STEPS = (2e-3, 1.8e-3, 1e-3)
@@ -38,7 +37,7 @@ def test_closures_are_not_judged_by_late_detection():
     settings = {"impacts": 2, "paths": 20_000, "closures": ("saltation",), "rng": 1}
     by_steps = rt.validate(QUIET, scheme="euler-maruyama", dt=2e-3, **settings).table
     assert not (by_steps["verdict"] == "inaccurate").any()
-    assert (by_steps["remark"] == BY_STEP).any()
+    assert by_steps["remark"].str.contains("step").any()
     assert (rt.validate(QUIET, **settings).table["verdict"] == "accurate").any()
 
 

@@ -4,10 +4,10 @@ import math
 
 import numpy as np
 import pytest
+from mc_checks import Walk
 
-from rattle.montecarlo.long_run import long_run
+from rattle import stationary
 from rattle.montecarlo.long_run.sums import ENERGY, NUMBER, PERIOD, new_sums, no_scales
-from rattle.montecarlo.long_run.walk import Walk
 from rattle.montecarlo.schemes.quiet import quiet_of, tail_exponent
 from rattle.scene import Scene
 
@@ -25,7 +25,8 @@ CHATTER = Scene(
 
 
 def follow(resolve, seed):
-    return long_run(CHATTER, periods=64, paths=16, burn_in=16, resolve=resolve, rng=seed)
+    settings = {"periods": 64, "paths": 16, "burn_in": 16, "closures": ()}
+    return stationary(CHATTER, resolve=resolve, rng=seed, **settings).run
 
 
 @pytest.fixture(scope="module")

@@ -3,10 +3,10 @@ with them."""
 
 import math
 from pathlib import Path
-from statistics import NormalDist
 
 import pandas as pd
 import pytest
+from mc_checks import limit
 
 from rattle.montecarlo import simulate, simulate_rare, simulate_to
 from rattle.scene import DAT21, Scene, Tolerance
@@ -17,11 +17,6 @@ PATHS = 32 * 1024
 CHECKED = [
     (k, p + q) for k in range(1, IMPACTS + 1) for q in ("tau", "y1", "y2") for p in ("", "sd_")
 ]
-
-
-def limit(checks):
-    """Largest |z| that so many checks allow at a level of 1e-4 in all."""
-    return -NormalDist().inv_cdf(0.5e-4 / checks)
 
 
 def largest_z(one, other):

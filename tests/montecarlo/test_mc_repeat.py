@@ -3,13 +3,10 @@ runs beside it."""
 
 import numpy as np
 import pytest
-from mc_checks import TOLERANT, dat21
+from mc_checks import BLOCK, TOLERANT, dat21
 from settings import recorded
 
 from rattle.montecarlo import SCHEMES, simulate
-from rattle.montecarlo.ensemble import simulate as ensemble
-from rattle.montecarlo.kernel import block
-from rattle.montecarlo.kernel.block import BLOCK
 
 STEP = {"euler-maruyama": 1e-2, "euler-maruyama-located": 1e-2, "exact-flight": 0.05}
 PATHS = 2 * BLOCK + 117
@@ -43,8 +40,8 @@ def test_paths_are_the_same_bit_for_bit_for_any_size_of_a_block(scheme, scene, m
     settings = {"scheme": scheme, "scene": scene, "paths": 1100, "impacts": 12, "times": [1.0]}
     whole = run_with(**settings)
     for size in (64, 100, 1024):
-        monkeypatch.setattr(block, "BLOCK", size)
-        monkeypatch.setattr(ensemble, "BLOCK", size)
+        monkeypatch.setattr("rattle.montecarlo.kernel.block.BLOCK", size)
+        monkeypatch.setattr("rattle.montecarlo.ensemble.simulate.BLOCK", size)
         cut = run_with(**settings)
         assert np.array_equal(whole.raw, cut.raw)
         a, b = (r.section.to_numpy(dtype=float) for r in (whole, cut))

@@ -35,10 +35,6 @@ def test_an_sd_is_judged_with_the_rare_branch_that_carries_a_third_of_its_varian
     assert row["verdict"] == verdict
 
 
-def test_where_no_other_event_is_near_nothing_is_counted():
-    assert BranchSearch(Scene.from_gears(DAT21, sigma=0.01), 12).until(1.0).branches == ()
-
-
 def test_a_branch_whose_window_lies_between_the_points_of_the_grid_is_found():
     """Below sigma = 0.07 it was lost, from one noise intensity to the next."""
     sigmas = (0.055, 0.06, 0.065, 0.07)

@@ -25,7 +25,7 @@ def bare(text):
     return "".join("".join(piece for piece, _ in split_code(text)).split())
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=30, deadline=None)
 @example(NASTY)
 @example("1) - # > + = a|b\\|c \\ ** __ ~~ ![x](y) &amp; `` ` ```")
 @given(st.text(min_size=1) | st.text("\\`*_{}[]()<>#+-.!|~&;:=1a \n", min_size=1))

@@ -10,7 +10,7 @@ from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 from sample_page import NASTY, SIGNS_OF_MARKS, figures, html, markdown, read_sections, sample
 
-from rattle.scene.text import line
+from rattle.scene import line
 
 
 class Read(HTMLParser):
@@ -99,7 +99,7 @@ def drawn(tmp_path_factory):
     return figures(tmp_path_factory.mktemp("drawn") / "r")
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=20, deadline=None)
 @example(NASTY)
 @given(st.text(min_size=1) | st.text("<>&'\"`/!-= aimgonx[]", min_size=1))
 def test_html_has_the_same_tags_whatever_the_texts(drawn, text):

@@ -1,21 +1,17 @@
 """Processes that share the compiling, and none depends on another."""
 
 import os
-import shutil
 import signal
 import subprocess
-import sys
 import threading
-from pathlib import Path
 from types import SimpleNamespace
 
 import numba
 import pytest
-from programs import python
+from programs import install, python, start
 
 from rattle.scene import compile_ahead, compiled
 
-ROOT = Path(__file__).resolve().parents[2]
 COMPILED = pytest.mark.skipif(
     bool(getattr(numba.config, "DISABLE_JIT", False)), reason="the compiler is off"
 )
@@ -91,21 +87,17 @@ def test_a_process_is_started_on_every_other_core_once_for_each_command(started,
         ("sys.executable", "/opt/cad/bin/viewer"),
         ("multiprocessing.parent_process", lambda: "a pool"),
         ("threading.current_thread", lambda: "a server's"),
+        (compile_ahead.COMPILERS, "1"),
+        ("PYTEST_XDIST_WORKER", "gw0"),
     ],
 )
 def test_none_is_started_where_that_is_not_allowed_or_makes_no_sense(
     started, monkeypatch, tmp_path, what, value
 ):
-    monkeypatch.setattr(what, value)
-    compile_ahead.start(tmp_path)
-    assert not started
-
-
-@pytest.mark.parametrize(
-    ("name", "value"), [(compile_ahead.COMPILERS, "1"), ("PYTEST_XDIST_WORKER", "gw0")]
-)
-def test_none_is_started_where_the_environment_says_so(started, monkeypatch, tmp_path, name, value):
-    monkeypatch.setenv(name, value)
+    if "." in what:
+        monkeypatch.setattr(what, value)
+    else:
+        monkeypatch.setenv(what, value)
     compile_ahead.start(tmp_path)
     assert not started
 
@@ -152,14 +144,8 @@ def test_what_was_started_ends_with_this_process(end):
     """By itself or killed."""
     then = "\nfrom rattle.compare.warm_up import _end_with_parent\n_end_with_parent()"
     code = SLEEPER.format(then=then, alive=60 if end else 0.5)
-    environment = os.environ | {
-        compile_ahead.COMPILERS: "2",
-        "PYTHONPATH": os.pathsep.join(sys.path),
-    }
-    environment.pop("PYTEST_XDIST_WORKER", None)
-    with subprocess.Popen(
-        [sys.executable, "-c", code], env=environment, stdout=subprocess.PIPE
-    ) as parent:
+    environment = {compile_ahead.COMPILERS: 2, "PYTEST_XDIST_WORKER": None}
+    with start("-c", code, **environment) as parent:
         child = int(parent.stdout.readline())
         if end:
             parent.send_signal(end)
@@ -229,20 +215,11 @@ KINDS = ["int16", "int32", "int64", "float32", "float64", "complex128"]
 def test_processes_that_compile_one_function_for_different_types_at_once_keep_all(tmp_path):
     """Numba's index has room for each, whoever writes it last."""
     place = tmp_path / "installed" / "rattle"
-    sources_alone = shutil.ignore_patterns("__pycache__")
-    for name, target in (("src/rattle", place), ("scene", place / "scene")):
-        shutil.copytree(ROOT / name, target, ignore=sources_alone, dirs_exist_ok=True)
+    install(place)
     (place / "scene" / "types_of_sums.py").write_text(TYPES)
-    environment = os.environ | {
-        "NUMBA_CACHE_DIR": str(tmp_path / "kept"),
-        "PYTHONPATH": str(place.parent),
-    }
-    processes = [
-        subprocess.Popen([sys.executable, "-c", BOTH, *part], env=environment)
-        for part in (KINDS[:3], KINDS[3:])
-    ]
-    assert [process.wait() for process in processes] == [0, 0]
-    done = subprocess.run(
-        [sys.executable, "-c", BOTH, *KINDS], env=environment, capture_output=True, check=True
-    )
-    assert done.stdout == b"0\n"
+    environment = {"NUMBA_CACHE_DIR": tmp_path / "kept", "PYTHONPATH": place.parent}
+    processes = [start("-c", BOTH, *part, **environment) for part in (KINDS[:3], KINDS[3:])]
+    for process in processes:
+        _, said = process.communicate()
+        assert process.returncode == 0, said
+    assert python("-c", BOTH, *KINDS, **environment).stdout == "0\n"

@@ -1,8 +1,6 @@
 """Functions compiled here beside a user's own functions of numba."""
 
-import os
-import subprocess
-import sys
+import time
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import nullcontext
 from pathlib import Path
@@ -10,7 +8,6 @@ from pathlib import Path
 import numba
 import numpy as np
 import pytest
-from programs import python
 
 from rattle import Scene
 from rattle.scene import compiled
@@ -71,51 +68,23 @@ def test_errors_pass_between_a_users_functions_and_ours(function):
         assert raised.value.args == ("below zero", -4)
 
 
-CODE = (
-    "from rattle.scene.moments import gaussian_raw_moments as f;"
-    "print(float(f(1.0, 0.5, 2.0, 4)[2, 2]), sum(f.stats.cache_hits.values()))"
-)
-
-
-@pytest.mark.slow
-@COMPILED
-def test_two_processes_fill_one_cache(tmp_path):
-    environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
-    both = [
-        subprocess.Popen(
-            [sys.executable, "-c", CODE],
-            env=environment,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-        )
-        for _ in range(2)
-    ]
-    said = [process.communicate() for process in both]
-    assert [process.returncode for process in both] == [0, 0], said
-    for out, _ in said:
-        assert out.split()[0] == b"2.5"
-    assert python("-c", CODE, NUMBA_CACHE_DIR=str(tmp_path)).stdout.split() == ["2.5", "1"]
-
-
-def keep_in_threads():
-    """Where functions are kept that many threads decorate at once, and users' own after that."""
-    interval = sys.getswitchinterval()
-    sys.setswitchinterval(1e-6)
-    try:
-        with ThreadPoolExecutor(8) as pool:
-            made = list(pool.map(lambda _: jit(lambda x: x + 1.0), range(400)))
-    finally:
-        sys.setswitchinterval(interval)
-    places = {Path(function._cache.cache_path).parent for function in made}
-    return places, compiled.CONFIG.CACHE_DIR
-
-
 @COMPILED
 @pytest.mark.parametrize("locked", [True, False])
 def test_threads_that_decorate_at_once_keep_in_the_folder(monkeypatch, locked):
     """Not where the process runs; and a user's own functions are kept where they were.  Without the
     lock one of both goes wrong."""
+    kept = compiled.Kept
+
+    def keep_late(function):
+        time.sleep(1e-3)  # others come in between, where they can
+        return kept(function)
+
+    monkeypatch.setattr(compiled, "Kept", keep_late)
     monkeypatch.setattr(compiled.CONFIG, "CACHE_DIR", "")
     if not locked:
         monkeypatch.setattr(compiled, "_choosing", nullcontext())
-    assert (keep_in_threads() == ({compiled.folder()}, "")) == locked
+    with ThreadPoolExecutor(8) as pool:
+        made = list(pool.map(lambda _: jit(lambda x: x + 1.0), range(40)))
+    places = {Path(function._cache.cache_path).parent for function in made}
+    right = places == {compiled.folder()} and compiled.CONFIG.CACHE_DIR == ""
+    assert right == locked

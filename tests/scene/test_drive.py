@@ -8,7 +8,6 @@ import pytest
 from oracle import two_stages
 from scenes import ORDERS, THREE
 
-import rattle.scene
 from rattle import DAT21, InputError, Order, Scene, Start, follow, mean_map
 from rattle.closure import refusals
 from rattle.scene import STATE as STATE_NAMES
@@ -50,19 +49,6 @@ def test_one_order_that_is_the_sine_is_the_default():
     assert "drive" not in plain.to_dict()
     assert "drive" not in repr(plain)
     assert "correlation_time" not in plain.to_toml()
-
-
-def test_files_give_back_the_drive():
-    for scene in (
-        THREE,
-        replace(THREE, correlation_time=0.3),
-        replace(THREE, gears=None, alpha=1.2),
-    ):
-        again = Scene.from_toml(scene.to_toml())
-        assert again == scene
-        assert again.gears == scene.gears
-        names = {**vars(rattle.scene), "Order": Order}
-        assert eval(repr(again), names) == scene
 
 
 GEARS = (

@@ -8,9 +8,8 @@ from dataclasses import replace
 
 import pytest
 
-from rattle import DAT21, Gears, InputError, Order, Scene
+from rattle import DAT21, Gears, InputError, Order, Scene, rattle_threshold
 from rattle.scene import nearest
-from rattle.scene.threshold import rattle_threshold
 
 OTHERS = {name: value for name, value in DAT21.values.items() if name != "alpha"}
 MOVED = Gears.driven(amplitude=0.3, **OTHERS)

@@ -3,12 +3,11 @@
 import io
 import json
 import re
-import subprocess
 import sys
 import threading
 
 import pytest
-from programs import on_terminal, python
+from programs import on_terminal, python, start
 
 from rattle.scene import progress
 from rattle.scene.progress import ProgressBar, do, speaking
@@ -52,10 +51,7 @@ print("answer")
 
 def test_a_command_says_what_it_does_before_it_answers():
     """A pipe is read while it runs: it is told to go on only after it has said where it is."""
-    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
-    with subprocess.Popen(
-        [sys.executable, "-c", AT_ONCE + HELD], text=True, bufsize=1, **pipes
-    ) as held:
+    with start("-c", AT_ONCE + HELD) as held:
         seen = [held.stderr.readline()]
         while "holding: 0 of 4 stones" not in seen[-1]:
             seen.append(held.stderr.readline())

@@ -10,11 +10,8 @@ from oracle import two_stages
 from scenes import STICKING
 from scipy.integrate import solve_ivp
 
-from rattle import InputError, Order, rattle_threshold
-from rattle.closure import follow, mean_map
+from rattle import InputError, Order, follow, mean_map, rattle_threshold
 from rattle.scene import DAT21, Gears, Scene, Start
-from rattle.scene.impact import MISSES, REST
-from rattle.scene.long_orbit import LongOrbit, attractor
 
 COMPILED = pytest.mark.skipif(
     bool(numba.config.DISABLE_JIT), reason="takes minutes with the compiler off"
@@ -123,10 +120,12 @@ def test_two_meshes_that_throw_each_other_back_stick_though_never_on_their_walls
         torque1=60.0,
         torque2=40.0,
     )
-    orbit = LongOrbit(Scene.from_gears(gears), start=148)
-    found = orbit.stretch(1000, tangent=False)
-    assert (orbit.ended, found.code[-6:].tolist()) == (REST, [1, -2, 1, -2, 1, -2])
-    assert found.flight.size < 150
+    orbit = follow(Scene.from_gears(gears), 1000)
+    times = [phase.closed for phase in orbit.sticking]
+    one, other, *_ = (p for p in orbit.sticking if times.count(p.closed) == 2)
+    assert {one.mesh, other.mesh} == {1, 2}
+    struck = orbit.mesh[one.impact - 4 : one.impact + 1]
+    assert (struck[1:] != struck[:-1]).all()
 
 
 @COMPILED
@@ -143,22 +142,12 @@ def test_the_orbit_goes_on_and_linearisations_stop_at_sticking():
     assert len(orbit.sticking) >= 2
     first = orbit.sticking[0].impact
     m = mean_map(SINGLE, impacts=40, closure="corrected")
-    assert m.stopped == f"{MISSES[REST]} after impact {first}"
+    assert m.stopped == f"a mesh sticks after impact {first}"
     assert m.section["tau"].notna().sum() == first
     # which ends at the first impact that is too slow for it
     m = mean_map(SINGLE, impacts=40, closure="saltation")
     assert m.stopped == f"impact {m.trace.found + 1} grazes its wall"
     assert 0 < m.trace.found <= first
-
-
-@COMPILED
-def test_dat21_sticks_now_and_then_and_goes_on():
-    """Chatter is not confined to other scenes: at eps = 0.9 a slow enough hit against the
-    excitation accumulates."""
-    orbit = follow(Scene.from_gears(DAT21), 100_000)
-    assert (orbit.found, orbit.stopped) == (100_000, "")
-    assert 1 <= len(orbit.sticking) <= 20
-    assert all(0.0 < phase.opened - phase.closed < math.pi for phase in orbit.sticking)
 
 
 THREE = (Order(1, 1.0), Order(2, 0.4, 0.7), Order(5, 0.08, -1.1))
@@ -188,8 +177,8 @@ def test_closed_teeth_open_just_below_it_and_stay_closed_just_above(name):
     for wheel in range(1, scene.stages + 1):
         below = dragged(scene, 0.995, wheel)
         above = dragged(scene, 1.005, wheel)
-        assert attractor(above).kind == "rest", wheel
-        assert attractor(below).kind != "rest", wheel
+        assert follow(above, 2000).sticking[-1].opened == math.inf, wheel
+        assert follow(below, 2000).found == 2000, wheel
         assert any(t.opens for t in rattle_threshold(below))
         assert not any(t.opens for t in rattle_threshold(above))
 

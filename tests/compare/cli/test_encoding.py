@@ -1,13 +1,12 @@
 """Commands whose output is not Unicode show what it lacks as escapes; files are in UTF-8 in every
 locale."""
 
-import os
 import subprocess
 import sys
 
 import pytest
 from commands import study
-from programs import python
+from programs import python, surroundings
 
 ENCODINGS = ("cp1252", "latin-1", "ascii", "cp1252:strict", "utf-8")
 CODE = """
@@ -52,12 +51,6 @@ def test_files_are_in_utf_8_in_a_locale_without_it(tmp_path):
     for name in ("study.md", "study.html", "study.toml"):
         assert "\u4e2d" in (tmp_path / "s" / name).read_text(encoding="utf-8")
     with (tmp_path / "shown").open("wb") as shown:
-        environment = os.environ | plain | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
-        subprocess.run(
-            [sys.executable, *command, "show", "s"],
-            cwd=tmp_path,
-            env=environment,
-            stdout=shown,
-            check=True,
-        )
+        words = [sys.executable, *command, "show", "s"]
+        subprocess.run(words, cwd=tmp_path, env=surroundings(plain), stdout=shown, check=True)
     assert b"\\u03c3 \\u4e2d" in (tmp_path / "shown").read_bytes()

@@ -53,13 +53,13 @@ def test_a_small_budget_measures_a_part_says_so_and_is_repeated(tmp_path):
     assert "Repeated bit for bit." in again.stdout
 
 
-@pytest.mark.usefixtures("undrawn")
-def test_each_sentence_is_printed_once(tmp_path):
-    lines = rattle(f"{SWEPT} --out {tmp_path / 'report'}").stdout.splitlines()
+def test_each_sentence_is_printed_once(small_report):
+    out, printed = small_report
+    lines = printed.splitlines()
     openings = [line[:40] for line in lines]
     assert len(set(openings)) == len(openings)
     assert sum(line.startswith("Range of validity") for line in lines) == 1
-    assert lines[-1] == f"Report: {tmp_path / 'report' / 'report.html'}"
+    assert lines[-1] == f"Report: {out / 'report.html'}"
 
 
 def test_fixed_times_can_be_left_out():

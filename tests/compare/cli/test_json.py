@@ -20,7 +20,6 @@ SINGLE = (
     "[scene]\nalpha = 1.5\nepsilon = 0.9\nbeta1 = 0.08\ngamma1 = 0.05\nstages = 1\nsigma = 0.1\n"
 )
 SMALL = {
-    "assess": "scene.toml --budget 5 --out out",
     "validate": "--paths 64 --impacts 2 --dt 0.01 --no-validity --sigma 0.1 --out out",
     "simulate": "scene.toml --paths 64 --impacts 2 --dt 0.01",
     "check order": "--impacts 1 --paths 64",
@@ -33,13 +32,14 @@ SMALL = {
     "boundary": "--impacts 1 --over sigma=0.001:2:2 --width 0.9 --out out",
     "sensitivity": "scene.toml --parameter epsilon --quantity power --accuracy 1 --out out",
     "run-up": f"{GEARBOX} --over speed_rpm=800:900:2 --seconds 1 --budget 1 --out out",
-    "stationary": "scene.toml --paths 64 --periods 64 --out out",
+    "stationary": "scene.toml --paths 64 --periods 64 --closure saltation --out out",
 }
-"""A small run of each command that has ``--json``."""
-WITH_JSON = [name for name, made in commands() if any("--json" in p.opts for p in made.params)]
+"""A small run of each command that has ``--json``; `assess` has its own (tests/compare/assess)."""
 
 
-def test_the_parser_of_these_tests_is_strict():
+def test_these_are_all_commands_with_json_and_their_parser_is_strict():
+    with_json = {name for name, made in commands() if any("--json" in p.opts for p in made.params)}
+    assert with_json == {*SMALL, "assess"}
     for text in ('{"a": NaN}', "[Infinity]", '{"a": -Infinity}', "{'a': 1}", ""):
         with pytest.raises((AssertionError, ValueError)):
             strict(text)
@@ -47,7 +47,7 @@ def test_the_parser_of_these_tests_is_strict():
 
 
 @pytest.mark.usefixtures("undrawn")
-@pytest.mark.parametrize("command", WITH_JSON)
+@pytest.mark.parametrize("command", SMALL)
 def test_every_command_prints_strict_json_and_writes_it(command, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "study.toml").write_text(study("σ \\u202e\\u009b", sigma=(0.0, 0.1)))

@@ -26,12 +26,6 @@ def test_values_of_a_range(text, values):
     assert read(text).values(SCENE, points=3) == pytest.approx(values, rel=1e-15)
 
 
-@pytest.mark.parametrize("text", ["", "=1:2", "0.1:2:5", "sigma=", "sigma=1", "sigma=1:2:3:log:4"])
-def test_what_is_no_range_is_refused_with_the_spelling(text):
-    with pytest.raises(InputError, match=r"NAME=LOW:HIGH|spacing"):
-        read(text)
-
-
 def test_a_name_alone_needs_a_value_to_go_around():
     single = Scene(alpha=0.5, epsilon=0.9, beta1=0.0, gamma1=0.1, stages=1)
     with pytest.raises(InputError, match=r"beta1 = 0\.0: is not above 0 in this scene"):

@@ -1,12 +1,12 @@
 """judge: samples of any simulation in any form, and what is said of them."""
 
-import subprocess
-import sys
-from pathlib import Path
+import json
 
 import numpy as np
 import pandas as pd
 import pytest
+from commands import rattle
+from programs import python
 
 import rattle as rt
 from rattle.scene import InputError
@@ -303,7 +303,7 @@ def test_no_compiler_is_loaded(tmp_path):
         "rt.judge({'x': [0.0, 0.0], 'sd_x': [1.0, 1.0]}, x)\n"
         "assert 'numba' not in sys.modules\n"
     )
-    subprocess.run([sys.executable, "-c", script], check=True, cwd=tmp_path, timeout=120)
+    python("-c", script, cwd=tmp_path)
 
 
 def test_section_rows_of_validate_bit_for_bit():
@@ -381,7 +381,8 @@ def refusals(samples, predicted, tmp_path):
             (predicted[["x"]], pd.DataFrame({"x": 0.0, "se_x": -0.1}, index=TIMES)),
             "must be 0 or greater",
         ),
-    }, {"units differ": ((metres, samples), {"units": {"x": "mm"}}, "convert one of them")}
+        "units differ": ((metres, samples), "convert one of them", {"units": {"x": "mm"}}),
+    }
 
 
 def test_so_many_paths_as_are_said_to_be_needed_decide():
@@ -409,15 +410,12 @@ def test_columns_that_are_not_asked_for_or_empty_are_left_out(samples, predicted
 
 def test_bad_input_is_named(samples, predicted, tmp_path):
     """Field, value and remedy, case by case."""
-    plain, with_options = refusals(samples, predicted, tmp_path)
-    cases = [(name, given, {}, part) for name, (given, part) in plain.items()]
-    cases += [(name, *case) for name, case in with_options.items()]
-    for name, given, options, part in cases:
-        names = {} if options or not isinstance(given[1], np.ndarray) else {"names": ["x", "v"]}
-        if options:
-            names = {"names": ["x", "v"]}
+    for name, (given, part, *options) in refusals(samples, predicted, tmp_path).items():
+        settings = options[0] if options else {}
+        if isinstance(given[1], np.ndarray):
+            settings = settings | {"names": ["x", "v"]}
         with pytest.raises(InputError) as refusal:
-            rt.judge(*given, **names, **options)
+            rt.judge(*given, **settings)
         assert part in str(refusal.value), f"{name}: {refusal.value}"
 
 
@@ -444,27 +442,14 @@ def test_bad_options_are_named(samples, predicted, option, value):
 
 def test_command_line(samples, predicted, tmp_path):
     """Files in, sentences, JSON and exit codes out."""
-    import json
-
-    from click.testing import CliRunner
-
-    from rattle.compare.cli.main import main
-
-    as_long(samples).to_parquet(tmp_path / "samples.parquet")
-    predicted.to_csv(tmp_path / "good.csv")
-    predicted.assign(x=1.0).to_csv(tmp_path / "bad.csv")
-
-    def call(*words):
-        return CliRunner().invoke(main, ["judge", *map(str, words)])
-
-    files = [tmp_path / "bad.csv", tmp_path / "samples.parquet"]
-    out = call(*files, "--out", tmp_path / "page", "--require", "accurate")
-    assert out.exit_code == 3
-    assert Path(tmp_path / "page" / "judge.html").is_file()
-    data = json.loads(call(*files, "--json").stdout)
+    good, bad, paths = (tmp_path / name for name in ("good.csv", "bad.csv", "samples.parquet"))
+    as_long(samples).to_parquet(paths)
+    predicted.to_csv(good)
+    predicted.assign(x=1.0).to_csv(bad)
+    rattle("judge --require accurate", bad, paths, "--out", tmp_path / "page", code=3)
+    assert (tmp_path / "page" / "judge.html").is_file()
+    data = json.loads(rattle("judge --json", bad, paths).stdout)
     assert data["accurate"] is False
     assert {row["closure"] for row in data["table"]} == {"bad"}
-    wide = ["--mean", 0.5, "--sd", 0.5, "--rho", 0.5]
-    out = call(tmp_path / "good.csv", files[1], "--require", "accurate", "--json", *wide)
-    assert out.exit_code == 0
-    assert call(tmp_path / "none.csv", files[1]).exit_code == 2
+    rattle("judge --mean 0.5 --sd 0.5 --rho 0.5 --require accurate --json", good, paths)
+    rattle("judge", tmp_path / "none.csv", paths, code=2)

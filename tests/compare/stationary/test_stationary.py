@@ -13,7 +13,6 @@ from commands import rattle
 import rattle as rt
 from rattle.closure.stationary import NotPredicted, _cycle_map, linear_law
 from rattle.compare.stationary.page import answer
-from rattle.montecarlo.long_run import BurnInError
 from rattle.montecarlo.long_run.estimates import estimates
 from rattle.montecarlo.long_run.sums import SLOW
 from rattle.scene import DAT21, Scene, Start
@@ -54,7 +53,7 @@ def test_motion_that_comes_to_rest_says_so(sigma):
 def test_several_attractors_are_named_with_their_shares():
     """Beside the symmetric orbit with two impacts a period there is one with six impacts in three
     periods."""
-    with pytest.raises(BurnInError, match=r"of 12 starts, the motion of \d+%") as caught:
+    with pytest.raises(rt.InputError, match=r"of 12 starts, the motion of \d+%") as caught:
         rt.stationary(Scene(alpha=0.3, epsilon=0.8, beta1=0.05, gamma1=0.0, stages=1))
     assert "3 periods of the excitation and 6 impacts" in str(caught.value)
     assert "is periodic with the period of the excitation and 2 impacts" in str(caught.value)

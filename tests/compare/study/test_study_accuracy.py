@@ -57,9 +57,6 @@ def test_what_is_not_random_is_expected_to_take_one_path():
 SCENES = {
     "rare branches": (Scene.from_gears(DAT21, sigma=0.1), 0.02, 12),  # 30 times as many plain paths
     "very rare branches": (Scene.from_toml(README), 0.02, 12),  # 3,600 times
-    "quiet": (Scene.from_gears(DAT21, sigma=0.01), 0.02, 12),
-    "loud": (Scene.from_gears(DAT21, sigma=0.3), 0.02, 12),
-    "gearbox": (Scene.load(EXAMPLES / "gearbox.toml"), 0.03, 12),
     "tolerances": (Scene.load(EXAMPLES / "drawing-tolerances.toml"), 0.03, 12),
     "single stage": (Scene.load(EXAMPLES / "single-stage.toml"), 0.02, 12),
     "chatter": (Scene.load(EXAMPLES.parent / "tests" / "compare" / "cli" / "pair.toml"), 0.05, 6),

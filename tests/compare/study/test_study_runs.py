@@ -3,27 +3,21 @@
 import json
 import re
 import signal
-import subprocess
-import sys
 import time
 from dataclasses import replace
 
 import pandas as pd
 import pytest
 from commands import rattle, study
+from programs import start
 from studies import CELLS_FOLDER, compute, study_text
 
 from rattle import DAT21, InputError, Scene, Study, Tolerances, load_study, mean_map
 from rattle.compare.judge.verdict import JUDGED
 from rattle.compare.study.impacts_page import answer
 
+COMMAND = ("-m", "rattle.compare.cli.main", "study", "--workers", "1")
 SLOW = {"sigmas": (0.01, 0.02, 0.03, 0.04, 0.05, 0.06), "paths": 40_000}
-
-
-def start(file):
-    """The command on a study, as a process."""
-    command = [sys.executable, "-m", "rattle.compare.cli.main", "study", file, "--workers", "1"]
-    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
 
 
 def wait_for(folder, pattern, number, seconds=600.0):  # of compiling, on a busy machine
@@ -85,7 +79,7 @@ def test_killed_and_resumed_is_the_same_to_the_last_bit(slow, tmp_path):
     out = tmp_path / "noise"
     cells = f"{CELLS_FOLDER}/*.parquet"
     for pattern, files in ((cells, 3), (cells, 9), (".page-*.part", 1)):
-        running = start(file)
+        running = start(*COMMAND, file)
         wait_for(out, pattern, files)
         running.send_signal(signal.SIGKILL)
         running.communicate()
@@ -103,12 +97,12 @@ def test_two_processes_share_the_work(slow, tmp_path):
     file = write(tmp_path, "noise", **SLOW)
     out = tmp_path / "noise"
     cells = f"{CELLS_FOLDER}/*.parquet"
-    first = start(file)
+    first = start(*COMMAND, file)
     wait_for(out, cells, 1)
     # so that the second has something to do, however late it is ready
     first.send_signal(signal.SIGSTOP)
     stored = len(list(out.glob(cells)))
-    second = start(file)
+    second = start(*COMMAND, file)
     wait_for(out, cells, stored + 1)
     first.send_signal(signal.SIGCONT)
     for running in (first, second):

@@ -8,8 +8,7 @@ from scipy.special import ndtri
 
 from rattle.closure import mean_map
 from rattle.compare.thresholds import messages  # noqa: F401
-from rattle.montecarlo import Record, simulate
-from rattle.montecarlo.settings import Sampling
+from rattle.montecarlo import Record, Sampling, simulate
 from rattle.scene import DAT21, Scene
 
 HEAD = """

@@ -20,15 +20,13 @@ from scipy.stats import binomtest
 from rattle.compare.judge.rows import NamedSection, judge_errors
 from rattle.compare.thresholds.claim import read_claim
 from rattle.compare.thresholds.decision import errors_of, merge_looks
-from rattle.montecarlo import simulate
+from rattle.montecarlo import Sampling, simulate
 from rattle.montecarlo.kernel.block import BLOCK
 from rattle.montecarlo.kernel.blocks import in_threads
 from rattle.montecarlo.schemes.control_variate import estimate_controlled
-from rattle.montecarlo.settings import Sampling
 from rattle.montecarlo.statistics.intervals import widest
 from rattle.montecarlo.statistics.section_statistics import single_statistics
-from rattle.scene import DAT21, Scene
-from rattle.scene.types import SECTION
+from rattle.scene import DAT21, SECTION, Scene
 
 SCENE = Scene.from_gears(DAT21, sigma=0.05, stages=1)
 # without branches that a sample may miss: no row is let off

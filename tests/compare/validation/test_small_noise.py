@@ -117,14 +117,6 @@ def test_an_accuracy_counts_in_sds_at_any_noise(sigma):
     assert (units(run)["tau"] == run.section["sd_tau"]).all()
 
 
-def test_an_exact_flight_hits_the_wall_with_its_velocity_to_rounding():
-    scene = SCENES["one stage"]
-    orbit = mean_map(scene, impacts=6, closure="saltation").section
-    run = simulate(scene, paths=1, impacts=6, scheme="exact-flight").section
-    for q in ("tau", "y1"):
-        assert (orbit[q] - run[q]).abs().max() < 3e-14, q
-
-
 SMALL = Scene.from_gears(DAT21, sigma=0.02)
 
 

@@ -14,7 +14,7 @@ from rattle.compare.validation.comparison import (
     find_validity,
     rows_to_judge,
 )
-from rattle.compare.validation.errors import SIMULATED, first_failure
+from rattle.compare.validation.errors import SIMULATED
 from rattle.compare.validation.tables import count_verdicts, find_reach
 from rattle.scene import DAT21, Scene
 
@@ -126,14 +126,6 @@ def validation():
     return validate(
         Scene.from_gears(DAT21, sigma=1.5**0.5), impacts=6, paths=20_000, rng=3, workers=2
     )
-
-
-def test_published_breaks_down_at_impact_2_and_nothing_else_does(validation):
-    impact, _, reason = first_failure(validation.correlation, "published")
-    assert impact == 2
-    assert "variance" in reason
-    assert first_failure(validation.correlation, "corrected") is None
-    assert first_failure(validation.correlation, SIMULATED) is None
 
 
 def test_every_rho_that_exists_is_tabulated(validation):

@@ -262,13 +262,3 @@ def test_the_answer_counts_the_verdicts_and_names_what_failed(claims):
     ]
     said = answer([c._replace(verdict=REPRODUCED) for c in chosen])
     assert said == ["Of 4 testable claims of the paper 4 are reproduced."]
-
-
-def test_bad_input_of_the_command_is_refused_before_any_work(tmp_path):
-    for words, named in (
-        (["--paths", "10"], "paths = 10"),
-        (["--over", "alpha=1:0:3"], "alpha HIGH = 0"),
-        (["--sigma", "-1"], "sigma = -1"),
-        (["--impacts", "5"], "impacts = 5"),
-    ):
-        assert named in rattle("check claims", *words, "--out", tmp_path / "o", code=2).output

@@ -26,22 +26,7 @@ MUTATIONS = {
     "nothing": (STRUCK, "", ""),
     "mu into 1 - mu": (STRUCK, "(1.0 + c.epsilon) * c.mu", "(1.0 + c.epsilon) * (1.0 - c.mu)"),
     "1 + epsilon into epsilon, mesh 2": (STRUCK, "(1.0 + c.epsilon) * c.mu", "c.epsilon * c.mu"),
-    "1 + epsilon into epsilon, mesh 1": (
-        STRUCK,
-        "y2 - (1.0 + c.epsilon) * y1",
-        "y2 - c.epsilon * y1",
-    ),
-    "1 + epsilon into 1 - epsilon": (
-        STRUCK,
-        "y2 - (1.0 + c.epsilon) * y1",
-        "y2 - (1.0 - c.epsilon) * y1",
-    ),
     "mesh 1 does not kick y2": (STRUCK, "y2 - (1.0 + c.epsilon) * y1", "y2"),
-    "the kick of mesh 1 with the wrong sign": (
-        STRUCK,
-        "y2 - (1.0 + c.epsilon) * y1",
-        "y2 + (1.0 + c.epsilon) * y1",
-    ),
     "mesh 2 does not kick y1": (STRUCK, "y1 - (1.0 + c.epsilon) * c.mu * y2", "y1"),
     "restitution of mesh 2 squared": (STRUCK, "-c.epsilon * y2", "-(c.epsilon**2) * y2"),
     "no restitution at mesh 1": (STRUCK, "return -c.epsilon * y1", "return -y1"),

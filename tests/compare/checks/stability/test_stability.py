@@ -49,7 +49,7 @@ def verdict(scene, beside, scheme, share, paths=PATHS):
 
 @pytest.mark.parametrize("axis", CORNERS)
 @pytest.mark.parametrize("scheme", SCHEMES)
-@pytest.mark.parametrize("share", [1 / 64, 1 / 4, 1.0])
+@pytest.mark.parametrize("share", [1 / 64, 1.0])
 def test_admissible_steps_are_unbiased_or_diagnosed(corner, axis, scheme, share):
     found = verdict(*corner[axis], scheme, share)
     assert found.verdict != UNSTABLE, found
@@ -72,13 +72,15 @@ WRONG = {
 }
 
 
-@pytest.mark.parametrize("scheme", SCHEMES)
-@pytest.mark.parametrize("wrong", WRONG)
-def test_negative_control_of_a_scheme_is_biased(scheme, wrong):
-    scene = moderate()
-    beside = reference(scene, paths=2 * PATHS, seed=1, workers=2)
-    control = replace(scene, **WRONG[wrong])
-    found = judge(control, beside, scheme=scheme, dt=5e-4, paths=PATHS, seed=0, workers=2, z=Z)
+@pytest.fixture(scope="module")
+def middle():
+    return reference(moderate(), paths=2 * PATHS, seed=1, workers=2)
+
+
+@pytest.mark.parametrize(("scheme", "wrong"), [*zip(SCHEMES, WRONG, strict=True)])
+def test_negative_control_of_a_scheme_is_biased(middle, scheme, wrong):
+    control = replace(moderate(), **WRONG[wrong])
+    found = judge(control, middle, scheme=scheme, dt=5e-4, paths=PATHS, seed=0, workers=2, z=Z)
     assert found.verdict == BIASED
 
 
@@ -179,21 +181,6 @@ def test_undiagnosed_bias_ends_with_an_exit_code(tmp_path, monkeypatch):
         "without a diagnostic: a defect."
         in run(tmp_path, "--scheme", "euler-maruyama", code=1).output
     )
-
-
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (("--points", "8"), "points = 8: must be at most 7"),
-        (("--points", "0"), "points = 0: must be at least 1"),
-        (("--paths", "10"), "paths = 10: must be at least 1000"),
-        (("--workers", "0"), "workers = 0: must be at least 1"),
-        (("--seed", "-1"), "seed = -1: must be at least 0"),
-    ],
-)
-def test_bad_input_is_refused(tmp_path, arguments, words):
-    assert words in run(tmp_path, *arguments, code=2).output
-    assert not (tmp_path / "map").exists()
 
 
 def test_the_advice_and_the_key_figure_count_the_cells():
