@@ -22,6 +22,9 @@ from rattle.scene import Floats
 SEARCHED_STEPS = 2048
 PROBED_BRANCHES = 12  # branches that are probed
 LIKELY = 0.02  # probability from which plain paths take a branch often enough
+# sds of a design point beyond which no path can be drawn: the tail there is below 1e-300.  Where
+# first order fails, the noise that it asks for may be that far away
+FARTHEST_POINT = 37.0
 LEAST_KURTOSIS = 12.0  # kurtosis added to a row below which a branch is not worth it
 # share of the paths by which parts grow; largest of a part, and of all
 GRAIN = 0.01
@@ -61,7 +64,7 @@ def choose_mixture(run: Any) -> BranchMixture | None:
     for mesh in range(1, plan.scene.stages + 1):
         sd[columns["mesh"] == mesh, 2 * mesh] = 0.0  # known exactly
     sd[~(sd > 1e-12 * (1.0 + np.abs(centre)))] = np.inf
-    probed = list_distinct(_by_influence(found.branches, sd), PROBED_BRANCHES)
+    probed = list_distinct(by_influence(found.branches, sd), PROBED_BRANCHES)
     shifts = [branch.shift for branch in probed]
     added = [_probe(plan, centre, sd, branch, number) for number, branch in enumerate(probed, 1)]
     kurtosis = np.nan_to_num(stack_section(columns, "kurt_").T)
@@ -123,10 +126,15 @@ def list_distinct(branches: Iterable[Branch], most: int) -> list[Branch]:
     return found
 
 
-def _by_influence(branches: tuple[Branch, ...], sd: Floats) -> list[Branch]:
+def by_influence(branches: tuple[Branch, ...], sd: Floats) -> list[Branch]:
     """Rare branches by what they are expected to add to the kurtosis of a row, the most influential
-    first."""
-    rare = [b for b in branches if b.probability < LIKELY and b.shift.any()]
+    first; none whose design point no path reaches."""
+    distances = [math.hypot(*branch.shift.tolist()) for branch in branches]
+    rare = [
+        b
+        for b, distance in zip(branches, distances, strict=True)
+        if b.probability < LIKELY and 0.0 < distance < FARTHEST_POINT
+    ]
     added = [(float((np.abs(b.added[2]) / sd**4).max()), b) for b in rare]
     return [b for most, b in sorted(added, key=lambda one: -one[0]) if most > 0.1 * LEAST_KURTOSIS]
 

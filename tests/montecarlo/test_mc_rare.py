@@ -4,11 +4,14 @@ with them."""
 import math
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 import pytest
 from mc_checks import limit
 
 from rattle.montecarlo import simulate, simulate_rare, simulate_to
+from rattle.montecarlo.branches.choose import FARTHEST_POINT, by_influence
+from rattle.montecarlo.branches.search import search_of
 from rattle.scene import DAT21, Scene, Tolerance
 
 NOISY = Scene.from_gears(DAT21, sigma=0.1)
@@ -69,6 +72,19 @@ def test_where_no_branch_matters_paths_are_plain():
     assert one.plan.mixture is None
     other = simulate(scene, paths=PATHS, impacts=2, rng=5)
     assert one.section.equals(other.section)
+
+
+def test_a_point_that_no_path_reaches_is_not_aimed_at():
+    """Where first order fails a design point may be hundreds of sds away: paths cannot be drawn."""
+    search = search_of(NOISY, IMPACTS, 200, 0.03).until(1e-9)
+    sd = np.full((IMPACTS, 6), 1e-3)
+    near = by_influence(search.branches, sd)
+    assert near
+    far = [b._replace(shift=1e200 * b.shift / np.abs(b.shift).max()) for b in near]
+    beyond = [
+        b._replace(shift=1.01 * FARTHEST_POINT * b.shift / np.linalg.norm(b.shift)) for b in near
+    ]
+    assert by_influence((*far, *beyond), sd) == []
 
 
 def test_an_accuracy_that_waits_for_a_branch_samples_it():
