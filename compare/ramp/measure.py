@@ -42,9 +42,8 @@ LEAST_RAMP_BUDGET = 1.0  # core-seconds that a constant speed may take once it i
 STEADY_COLUMNS = ("value", "se", "low", "high", "effective_paths")
 AGAINST = "ramp against constant speeds"
 HALVED = "stretches of one period against two"
-GEAR_SETS = (
-    1  # key of the random numbers that ramp and constant speeds share where gear sets differ
-)
+# key of the random numbers that ramp and constant speeds share where gear sets differ
+GEAR_SETS = 1
 
 
 class SteadyRun(NamedTuple):
