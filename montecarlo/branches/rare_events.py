@@ -92,7 +92,7 @@ def _add_noise(
     left out. Shapes: `cross` (2 wheels, steps).
     """
     push = np.empty(2 * c.wheels.size)
-    series = np.empty((2 + c.wheels.size, MOST_TERMS))
+    series = np.zeros((3 + c.wheels.size, MOST_TERMS))  # the last row stays 0: see `Scratch`
     begin, dt = grid
     for n in range(
         max(0, int((tau - begin) / dt)), min(cross.shape[1], int((tau + t - begin) / dt) + 1)
