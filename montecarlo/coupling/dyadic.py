@@ -29,16 +29,20 @@ from rattle.montecarlo.schemes.lanes import lanes_of
 from rattle.montecarlo.schemes.short_flight import phase_at, short_flight
 from rattle.montecarlo.schemes.step_state import (
     FORCING,
+    MOST_IN_A_STEP,
     MOST_TERMS,
+    Progress,
     clip,
     copy_state,
     due_side,
     parent_deviation,
     put_on_wall,
 )
-from rattle.scene import Constants, Floats, InputError, Scene
-from rattle.scene.compiled import internal
+from rattle.montecarlo.schemes.sticking import is_any, leave_lifted, put_all
+from rattle.scene import Constants, Floats, InputError, Ints, Scene
+from rattle.scene.compiled import internal, lean_internal, not_inlined
 from rattle.scene.impact import strike
+from rattle.scene.sticking import as_bodies, close, find_sticking, open_meshes, put_open, take_open
 
 Pair = tuple[float, float]
 
@@ -49,8 +53,6 @@ TREE = BRIDGE + LEVELS
 DEEPEST = 26
 TREE_BITS = Word(DEEPEST)
 STEPS_OF_A_PERIOD = 128  # fewest steps of a period
-# most wall contacts in a leaf; then the path is clipped to its walls and goes on at the next leaf
-IN_A_LEAF = 8
 
 
 class Clockwork(NamedTuple):
@@ -109,10 +111,13 @@ class TreeRoom(NamedTuple):
     # intervals still to be walked: increment and area, and their place in the tree, level and
     # node; (depth + 2, 4)
     pending: Floats
-    end: Floats  # state at the end of a trial; (2 wheels,)
+    state: Floats  # state, end: present state, and that at the end of a trial; (2 wheels,)
+    end: Floats
     series: Floats  # Taylor series, as of `rattle.montecarlo.schemes.step_state.Scratch`
     margins: Floats  # of the walls of each gap; (wheels,)
     walls: Floats  # distances of the flanks from the middle; (2 wheels,)
+    sides: Ints  # sides on which meshes are closed to the end of the step, or 0; (wheels,)
+    contacts: Ints  # of each mesh in this step; (wheels,)
 
 
 class Tree(NamedTuple):
@@ -129,10 +134,13 @@ def grow_tree(c: Constants, clock: Clockwork, seed: np.random.SeedSequence) -> T
     wheels = c.wheels.size
     room = TreeRoom(
         pending=np.empty((clock.depth + 2, 4)),
+        state=np.empty(2 * wheels),
         end=np.empty(2 * wheels),
         series=np.zeros((3 + wheels, MOST_TERMS)),
         margins=np.empty(wheels),
         walls=np.repeat(c.wheels["wall"], 2),
+        sides=np.zeros(wheels, np.int64),
+        contacts=np.zeros(wheels, np.int64),
     )
     return Tree(c, clock, key_of(seed), room)
 
@@ -144,23 +152,53 @@ def tree_of(scene: Scene, seed: int, depth: int) -> Tree:
 
 @internal
 def new_hits(c: Constants, most: int) -> Floats:
-    """Room for the impacts of a path in a step: time since its start, ``mesh * side``, the state
-    just before.
+    """Room for the impacts of a path in a step, so many of each mesh: time since its start, ``mesh
+    * side``, the state just before.
 
-    Shapes: result (most, 2 + 2 wheels).
+    Shapes: result (most wheels, 2 + 2 wheels).
     """
-    return np.empty((most, 2 + 2 * c.wheels.size))
+    return np.empty((most * c.wheels.size, 2 + 2 * c.wheels.size))
 
 
 @internal
-def _fly(tree: Tree, tau: float, s: Floats, h: float, noise: Noise, end: Floats) -> None:
+def _beside(tree: Tree) -> Tree:
+    """The bodies that closed meshes leave, with their state."""
+    not_inlined()
+    room = tree.room
+    free = open_meshes(room.sides)
+    state = take_open(room.state, free)
+    bodies = TreeRoom(
+        room.pending,
+        state,
+        np.empty(state.size),
+        room.series,
+        room.margins[: free.size],
+        take_open(room.walls, free),
+        room.sides,
+        room.contacts,
+    )
+    return Tree(as_bodies(tree.c, room.sides), tree.clock, tree.key, bodies)
+
+
+@internal
+def _move_open(tree: Tree, part: Tree) -> None:
+    """Take over the state of the bodies that closed meshes leave."""
+    room = tree.room
+    copy_state(room.state, put_open(room.state, open_meshes(room.sides), part.room.state))
+
+
+@lean_internal
+def _fly(tree: Tree, tau: float, h: float, noise: Noise, end: Floats) -> None:
     """Write the state after a flight of time h, at most a step, with given noise."""
     c = tree.c
+    room = tree.room
     phase = phase_at(c.drive, tau)
-    short_flight(c, c.alpha, 1.0, phase, h, s, noise.increment, noise.area, tree.room.series, end)
+    increment = noise.increment
+    area = noise.area
+    short_flight(c, c.alpha, 1.0, phase, h, room.state, increment, area, room.series, end)
 
 
-@internal
+@lean_internal
 def _is_near(c: Constants, h: float, s: Floats, end: Floats, margins: Floats) -> bool:
     """Whether a flight between two states may meet a wall."""
     third = h / 3.0
@@ -173,7 +211,7 @@ def _is_near(c: Constants, h: float, s: Floats, end: Floats, margins: Floats) ->
     return False
 
 
-@internal
+@lean_internal
 def _first_wall(c: Constants, h: float, s: Floats, end: Floats) -> tuple[float, int]:
     """Share of a leaf after which the first wall is met, and its ``mesh * side``; 1 and 0 if none
     is."""
@@ -196,39 +234,159 @@ def _first_wall(c: Constants, h: float, s: Floats, end: Floats) -> tuple[float, 
     return share, code
 
 
+@lean_internal
+def _reach_wall(
+    tree: Tree, tau: float, left: float, h: float, increment: float
+) -> tuple[float, int]:
+    """Carry a path to the first wall that it meets in what is left of a leaf, or to its end;
+    returns the time, and ``mesh * side`` or 0.
+
+    `increment`: of the noise in the whole leaf.
+    """
+    room = tree.room
+    _fly(tree, tau, left, Noise(increment * (left / h), 0.0), room.end)
+    share, code = _first_wall(tree.c, left, room.state, room.end)
+    if code == 0:
+        copy_state(room.state, room.end)
+        return left, 0
+    t = share * left
+    _fly(tree, tau, t, Noise(increment * (t / h), 0.0), room.state)
+    put_on_wall(room.state, code, room.walls)
+    return t, code
+
+
+@internal
+def _reach_wall_beside(
+    tree: Tree, tau: float, left: float, h: float, increment: float
+) -> tuple[float, int]:
+    """`_reach_wall` beside closed meshes."""
+    not_inlined()
+    part = _beside(tree)
+    t, code = _reach_wall(part, tau, left, h, increment)
+    _move_open(tree, part)
+    if code != 0:
+        code = due_side(code) * (open_meshes(tree.room.sides)[abs(code) - 1] + 1)
+    return t, code
+
+
+@lean_internal
+def _rests(s: Floats) -> bool:
+    """Whether a gap has no rate at all: a mesh that was closed."""
+    resting = False
+    for i in range(s.size // 2):
+        resting = resting or s[2 * i + 1] == 0.0
+    return resting
+
+
+@internal
+def _close_resting(tree: Tree, tau: float, alpha: float, held: Ints) -> None:
+    """Close, beside those that are held, the meshes at rest that an excitation presses shut."""
+    not_inlined()
+    c = tree.c
+    room = tree.room
+    s = room.state
+    touching = held.copy()
+    for i in range(held.size):
+        if s[2 * i + 1] == 0.0 and abs(s[2 * i]) == room.walls[2 * i]:
+            touching[i] = 1 if s[2 * i] > 0.0 else -1
+    pushed = Constants(alpha, c.sigma, c.wheels, c.drive, c.memory)
+    sticking = find_sticking(pushed, tau, s, touching)
+    for i in range(held.size):
+        room.sides[i] = held[i] if held[i] != 0 else sticking[i]
+
+
+@internal
+def _put_closed(tree: Tree) -> None:
+    """Put the closed meshes on their walls, at rest."""
+    not_inlined()
+    room = tree.room
+    places = np.empty(room.sides.size)
+    for i in range(places.size):
+        places[i] = room.sides[i] * room.walls[2 * i]
+    copy_state(room.state, close(tree.c, room.state, room.sides, places))
+
+
+@internal
+def _strike(tree: Tree, mesh: int, held: Ints) -> None:
+    """An impact; a mesh that it shakes is closed no longer, unless its contacts are used up."""
+    room = tree.room
+    strike(tree.c, mesh, room.state)
+    for i in range(held.size):
+        if room.state[2 * i + 1] != 0.0 and room.contacts[i] < MOST_IN_A_STEP:
+            held[i] = 0
+            room.sides[i] = 0
+    if is_any(room.sides):
+        _put_closed(tree)
+
+
 @internal
 def _leaf(
-    tree: Tree, tau: float, offset: float, h: float, noise: Noise, s: Floats, hits: Floats, n: int
+    tree: Tree, tau: float, offset: float, h: float, increment: float, hits: Floats, n: int
 ) -> int:
     """Carry a path through a leaf, in place; returns the number of impacts in the step so far."""
     c = tree.c
-    end = tree.room.end
+    room = tree.room
+    s = room.state
     left = h
     gone = 0.0
-    for _ in range(IN_A_LEAF):
-        _fly(tree, tau + gone, s, left, Noise(noise.increment * (left / h), 0.0), end)
-        share, code = _first_wall(c, left, s, end)
-        if code == 0 or n == len(hits):
-            copy_state(s, end)
-            break
-        t = share * left
-        _fly(tree, tau + gone, s, t, Noise(noise.increment * (t / h), 0.0), s)
-        put_on_wall(s, code, tree.room.walls)
+    held = room.sides.copy()
+    while n < len(hits):
+        if _rests(s):
+            _close_resting(tree, tau + gone, c.alpha + c.sigma * increment / h, held)
+        if is_any(room.sides):
+            t, code = _reach_wall_beside(tree, tau + gone, left, h, increment)
+        else:
+            t, code = _reach_wall(tree, tau + gone, left, h, increment)
         gone = gone + t
         left = left - t
+        if code == 0:
+            break
         mesh = abs(code)
-        if due_side(code) * s[2 * mesh - 1] > 0.0:
+        side = due_side(code)
+        room.contacts[mesh - 1] += 1
+        if side * s[2 * mesh - 1] > 0.0:
             hits[n, 0] = offset + gone
             hits[n, 1] = code
             for i in range(s.size):
                 hits[n, 2 + i] = s[i]
             n += 1
-            strike(c, mesh, s)
-    clip(s, tree.room.walls)
+            _strike(tree, mesh, held)
+        if room.contacts[mesh - 1] >= MOST_IN_A_STEP:
+            held[mesh - 1] = side
+            room.sides[mesh - 1] = side
+            _put_closed(tree)
+    copy_state(room.sides, held)
+    clip(s, room.walls)
     return n
 
 
+@lean_internal
+def _passes(tree: Tree, tau: float, h: float, noise: Noise) -> bool:
+    """Whether a path meets no wall in a part of a step: then it is carried to its end."""
+    c = tree.c
+    room = tree.room
+    phase = phase_at(c.drive, tau)
+    _fly(tree, tau, h, noise, room.end)
+    for i in range(room.margins.size):
+        room.margins[i] = margin_of(c, phase, h, i)
+    if _is_near(c, h, room.state, room.end, room.margins):
+        return False
+    copy_state(room.state, room.end)
+    return True
+
+
 @internal
+def _passes_beside(tree: Tree, tau: float, h: float, noise: Noise) -> bool:
+    """`_passes` beside closed meshes."""
+    not_inlined()
+    part = _beside(tree)
+    passes = _passes(part, tau, h, noise)
+    if passes:
+        _move_open(tree, part)
+    return passes
+
+
+@lean_internal
 def _step_freely(c: Constants, f: Floats, s: Floats, z: Pair, end: Floats) -> None:
     """Write the state after a step whose noise has the normals z, ignoring the walls.
 
@@ -252,34 +410,53 @@ def walk_step(
 ) -> tuple[int, bool]:
     """Carry a path through a step whose noise has the normals z, in place.
 
-    Returns: Number of impacts, and whether `hits` was filled: the path then stays in this state to
-    the end of the step. Shapes: `state` (2 wheels,); `hits` (at least 1, columns of `new_hits`).
+    A mesh that has had `MOST_IN_A_STEP` contacts in the step, or that rests and sticks at its start
+    (`rattle.montecarlo.schemes.sticking`), stays closed to its end, or until an impact shakes it.
+
+    Returns: Number of impacts, and whether a mesh was closed at the end of the step. Where `hits`
+    was filled the path stays in this state to the end of the step. Shapes: `state` (2 wheels,);
+    `hits` (at least 1, columns of `new_hits`).
     """
     c = tree.c
     w = tree.clock
-    end = tree.room.end
-    margins = tree.room.margins
+    room = tree.room
     f = w.forcing[step % len(w.forcing)]
-    _step_freely(c, f, state, z, end)
-    for i in range(margins.size):
-        margins[i] = f[i, MARGIN]
-    if not _is_near(c, w.h, state, end, margins):
-        copy_state(state, end)
-        return 0, False
+    put_all(room.sides, 0)
+    copy_state(room.state, state)
+    if _rests(state):
+        _close_for_step(tree, (step % len(w.forcing)) * w.h)
+    if not is_any(room.sides):
+        _step_freely(c, f, state, z, room.end)
+        for i in range(room.margins.size):
+            room.margins[i] = f[i, MARGIN]
+        if not _is_near(c, w.h, state, room.end, room.margins):
+            copy_state(state, room.end)
+            return 0, False
+    put_all(room.contacts, 0)
     whole = Noise(z[0] * math.sqrt(w.h), z[1] * math.sqrt(w.h / 12.0))
-    n = _walk_tree(tree, path, step, whole, state, hits)
-    return n, n == len(hits)
+    n = _walk_tree(tree, path, step, whole, hits)
+    copy_state(state, room.state)
+    return n, is_any(room.sides)
 
 
 @internal
-def _walk_tree(tree: Tree, path: Word, step: int, whole: Noise, s: Floats, hits: Floats) -> int:
+def _close_for_step(tree: Tree, tau: float) -> None:
+    """Close the meshes at rest that stick for a step."""
+    not_inlined()
+    c = tree.c
+    room = tree.room
+    _close_resting(tree, tau, c.alpha, room.sides.copy())
+    step = Progress(0, tau, tree.clock.h, Noise(0.0, 0.0))
+    leave_lifted(c, step, room.state, room.sides, c.sigma)
+
+
+@internal
+def _walk_tree(tree: Tree, path: Word, step: int, whole: Noise, hits: Floats) -> int:
     """Carry a path through a step that may meet a wall, halved until it does not or is a leaf, in
     place; returns the number of impacts."""
     c = tree.c
     w = tree.clock
     pending = tree.room.pending
-    end = tree.room.end
-    margins = tree.room.margins
     tau = (step % len(w.forcing)) * w.h
     offset = 0.0
     n = 0
@@ -292,20 +469,18 @@ def _walk_tree(tree: Tree, path: Word, step: int, whole: Noise, s: Floats, hits:
         top -= 1
         h = math.ldexp(w.h, -level)
         if level == w.depth:
-            n = _leaf(tree, tau + offset, offset, h, noise, s, hits, n)
+            n = _leaf(tree, tau + offset, offset, h, noise.increment, hits, n)
             offset += h
             if n == len(hits):
                 break
             continue
-        if level > 0:  # of the whole step it is known
-            phase = phase_at(c.drive, tau + offset)
-            _fly(tree, tau + offset, s, h, noise, end)
-            for i in range(margins.size):
-                margins[i] = margin_of(c, phase, h, i)
-            if not _is_near(c, h, s, end, margins):
-                copy_state(s, end)
-                offset += h
-                continue
+        if is_any(tree.room.sides):
+            passes = _passes_beside(tree, tau + offset, h, noise)
+        else:  # of the whole step it is known
+            passes = level > 0 and _passes(tree, tau + offset, h, noise)
+        if passes:
+            offset += h
+            continue
         z1 = 0.0
         z2 = 0.0
         if c.sigma > 0.0:
@@ -318,7 +493,7 @@ def _walk_tree(tree: Tree, path: Word, step: int, whole: Noise, s: Floats, hits:
     return n
 
 
-@internal
+@lean_internal
 def _put(pending: Floats, top: int, noise: Noise, level: int, node: int) -> None:
     """Put an interval onto the stack."""
     pending[top, 0] = noise.increment

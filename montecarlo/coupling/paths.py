@@ -49,7 +49,7 @@ def _stretch(
     state = at[:states]
     n = taken = sticking = 0
     z0 = z1 = z2 = z3 = 0.0
-    while taken < most and n + MOST_IN_A_STEP <= s.flight.size:
+    while taken < most and n + len(hits) <= s.flight.size:
         if len(velocity) > 0:
             for i in range(c.wheels.size):
                 velocity[taken, i] = state[2 * i + 1]
@@ -59,8 +59,8 @@ def _stretch(
             z = (z0, z1) if step % 2 == 0 else (z2, z3)
         else:
             z = (0.0, 0.0)
-        found, full = walk_step(tree, path, step, z, state, hits)
-        sticking += full
+        found, closed = walk_step(tree, path, step, z, state, hits)
+        sticking += closed
         last = 0.0
         for i in range(found):
             flight = at[states] + hits[i, 0] - last
@@ -83,8 +83,8 @@ class LongPath:
     """One path of a scene, to be followed a stretch at a time.
 
     `step`: time between the velocities that `stretch` returns. `steps`: number of the next step,
-    counted from time 0 (modulo the period at the start). `sticking_steps`: steps with more impacts
-    than there is space for; the path stays as it is to their end.
+    counted from time 0 (modulo the period at the start). `sticking_steps`: steps to whose end a
+    mesh stayed closed.
     """
 
     def __init__(self, scene: Scene, seed: int, path: int = 0, depth: int = DEPTH) -> None:
@@ -107,7 +107,7 @@ class LongPath:
         Shapes: `velocity` (steps taken, wheels).
         """
         wheels = self.tree.c.wheels.size
-        s = Stretch.empty(steps // 2 + MOST_IN_A_STEP, wheels)
+        s = Stretch.empty(steps // 2 + MOST_IN_A_STEP * wheels, wheels)
         velocity = np.empty((steps if velocities else 0, wheels))
         n, taken, sticking = _stretch(self.tree, self.path, self.steps, steps, self.at, s, velocity)
         s = s.first(n)

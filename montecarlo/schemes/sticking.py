@@ -137,7 +137,7 @@ def _close_slow(c: Constants, at: Progress, scratch: Scratch, quiet: Quiet) -> f
         if s[2 * i + 1] == 0.0 and slow.distance[i] == 0.0:
             still[i] = slow.sides[i]
     closed = find_sticking(c, at.tau, s, still)
-    _leave_lifted(c, at, s, closed, spread)
+    leave_lifted(c, at, s, closed, spread)
     copy_state(scratch.sides, closed)
     return 0.0 if is_any(closed) else -1.0
 
@@ -183,7 +183,7 @@ def _leave_shaken(c: Constants, touches: Ints, closed: Ints) -> Ints:
 
 
 @internal
-def _leave_lifted(c: Constants, at: Progress, s: Floats, closed: Ints, spread: float) -> None:
+def leave_lifted(c: Constants, at: Progress, s: Floats, closed: Ints, spread: float) -> None:
     """Open all meshes at rest if one of them is not held by more than what noise could overcome
     over the time left (`MARGIN_SDS` sds of it)."""
     bodies = lock(c, closed)

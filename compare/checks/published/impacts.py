@@ -142,7 +142,7 @@ def impact_laws(seed: int = 0, workers: int = 2) -> Found:
     path = follow(scene, CHECKED_IMPACTS)
     orbit = ImpactVelocities(path.mesh[1:], path.before[1:, 1::2], path.after[1:, 1::2])
     lost = [
-        energy_loss(scene.constants, int(mesh), *y)
+        energy_loss(scene.constants, int(mesh), y[mesh - 1])
         for mesh, y in zip(orbit.mesh, orbit.before, strict=True)
     ]
     sides = {"orbit": orbit} | {scheme: _coast(scheme) for scheme in SCHEMES}
