@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import pandas as pd
 from matplotlib.figure import Figure
 
+from rattle.closure import closures_for
 from rattle.compare.engine.store import Cell, Content
 from rattle.compare.judge.verdict import JUDGED, Tolerances, Verdict, span
 from rattle.compare.report.render import render_sentences
@@ -231,14 +232,15 @@ def combine(study: Study, found: Mapping[str, LongResult]) -> LongTables:
     )
 
 
-def read(given: Mapping[str, Any], varying: set[str]) -> dict[str, Any]:
+def read(given: Mapping[str, Any], varying: set[str], scene: Scene) -> dict[str, Any]:
     """Read the fields of `Study` that ``[study]`` gives."""
     settings = {name: given[name] for name in (*LONG_RUN_SETTINGS, "seed") if name in given}
     for name in varying & {"scheme", "dt", *settings}:
         raise InputError(
             f"study.{name}", name, "cannot vary in a study of the long run, or varies twice"
         )
-    closures = given.get("closures", tuple(CLOSURES_JUDGED))
+    applicable = closures_for(scene)
+    closures = given.get("closures", [name for name in CLOSURES_JUDGED if name in applicable])
     if isinstance(closures, str | Mapping) or not hasattr(closures, "__iter__"):
         raise InputError("study.closures", closures, "give a list of " + ", ".join(CLOSURES_JUDGED))
     return {
