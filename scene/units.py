@@ -4,6 +4,8 @@ import re
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+import numpy as np
+
 from rattle.scene.errors import InputError, choice
 
 if TYPE_CHECKING:  # a table is there before it is converted
@@ -76,7 +78,8 @@ class Units(NamedTuple):
             shown = self.name_of(name)
             converted[shown] = values * known[1] if known else values
             if name == "flight":
-                converted[RATE] = 1000.0 / converted[shown]
+                with np.errstate(divide="ignore"):  # an impact at once after the start
+                    converted[RATE] = 1000.0 / converted[shown]
         return converted
 
 

@@ -181,10 +181,11 @@ def _span_of(orbit: Orbit, scene: Scene, impacts: int, refuse: Refuse) -> float:
     span = float(times[impacts] + tail)
     if not span > 0.0:
         raise refuse("the noise-free orbit has all of them at the start; ask for more")
-    if span > PERIOD * MOST_PERIODS:
-        fewer = max(int((times[: impacts + 1] < PERIOD * MOST_PERIODS).sum()) - 1, 1)
+    longest = PERIOD * MOST_PERIODS
+    if times[impacts] > longest:
+        fewer = max(int((times[1 : impacts + 1] <= longest).sum()), 1)
         raise refuse(f"take over {MOST_PERIODS} periods; give at most {fewer}")
-    return span
+    return min(span, longest)
 
 
 class RecordedPath(NamedTuple):

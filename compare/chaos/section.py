@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from rattle.closure import mean_map
+from rattle.closure import closures_for, mean_map
 from rattle.compare.chaos.record import NoRecord, in_threads, leave_out, read_orbit, read_path
 from rattle.scene import Floats, Ints, Scene
 from rattle.scene.tangent import Stretch
@@ -135,7 +135,7 @@ def sections(
         edges = frame(scene, seed)
         with leave_out(missing, "the Poincaré section of the orbit"):
             drawn[ORBIT_SECTION] = count(ORBIT_SECTION, read_orbit(scene, points))
-            if scene.sigma > 0.0:
+            if scene.sigma > 0.0 and "corrected" in closures_for(scene):
                 with leave_out(missing, "the Poincaré section of the corrected mean map"):
                     t = mean_map(scene, impacts=MAP_POINTS, closure="corrected").trace
                     means = t.mean[1 : t.found + 1]

@@ -32,6 +32,28 @@ def wheel_label(scene: Scene, wheel: int) -> str:
     return str(wheel) if name == str(wheel) else f"{wheel} ({name})"
 
 
+def name_wheels(scene: Scene) -> list[str]:
+    """Which wheel has which name and meshes with which other one, for a list of sentences; nothing
+    for the short form of one or two wheels."""
+    if not scene.wheels:
+        return []
+    with_driver = "meshes with the driver"
+    first, *others = (
+        f"{wheel_label(scene, number)} {f'with {wheel.parent}' if wheel.parent else with_driver}"
+        for number, wheel in enumerate(scene.tree, 1)
+    )
+    meshes = ", ".join([f"Wheel {first}", *others])
+    return [f"{meshes}. Mesh and stage 1, x1 and y1 are those of wheel 1, and so on."]
+
+
+def label_quantity(scene: Scene, quantity: str) -> str:
+    """The name of a quantity, and the name of the wheel at its mesh: "power_mesh2 (shaft)"."""
+    name, _, mesh = quantity.partition("_mesh")
+    # a study may have scenes of more wheels than its own
+    label = wheel_label(scene, int(mesh)) if mesh and int(mesh) <= scene.stages else mesh
+    return f"{name}_mesh{label}" if mesh else name
+
+
 def read_file(package: str, name: str) -> str:
     """The text of a file in a folder of `rattle.compare`."""
     return files("rattle.compare").joinpath(*package.split("."), name).read_text(encoding="utf-8")

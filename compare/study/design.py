@@ -336,7 +336,7 @@ class Study:
             title=str(given.get("title", kind.TITLE)),
             text=text,
             kind=name,
-            **kind.read(given, {field for axis in axes for field in axis.names}),
+            **kind.read(given, {field for axis in axes for field in axis.names}, scene),
         )
 
     @property

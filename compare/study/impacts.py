@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 
 from rattle.closure import CLOSURES
-from rattle.closure.mean_map import ORDER_RANGE, find_closures
+from rattle.closure.mean_map import ORDER_RANGE, closures_for, find_closures
 from rattle.compare.engine.store import Facts
 from rattle.compare.judge.rows import judge_errors
 from rattle.compare.judge.verdict import (
@@ -426,8 +426,9 @@ def _cost(study: Study, results: Mapping[str, Any]) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=[*columns])
 
 
-def read(given: Mapping[str, Any], varying: set[str]) -> Facts:
-    """Read the fields of `Study` that ``[study]`` gives."""
+def read(given: Mapping[str, Any], varying: set[str], scene: Scene) -> Facts:
+    """Read the fields of `Study` that ``[study]`` gives; closures that are not named are those that
+    the scene of the file can have."""
     settings = {name: given[name] for name in SETTING_NAMES if name in given}
     for name, value in settings.items():
         if name in varying:
@@ -440,7 +441,7 @@ def read(given: Mapping[str, Any], varying: set[str]) -> Facts:
             "study.dt", settings.get("dt"), "accuracy chooses the step itself; leave it out"
         )
     return {
-        "closures": _closures(given.get("closures", tuple(CLOSURES))),
+        "closures": _closures(given.get("closures", closures_for(scene))),
         "impacts": count("study.impacts", given.get("impacts", 12)),
         "order": count("study.order", given.get("order", 4), *ORDER_RANGE),
         "settings": settings,

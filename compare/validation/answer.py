@@ -7,6 +7,7 @@ clock measured.
 
 import math
 from collections.abc import Iterable, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -23,6 +24,7 @@ from rattle.compare.judge.verdict import (
     unbroken,
 )
 from rattle.compare.report.render import render_sentences
+from rattle.compare.report.texts import name_wheels, wheel_label
 from rattle.compare.validation import comparison
 from rattle.compare.validation.comparison import Comparison, Sweep
 from rattle.compare.validation.errors import HALF_OF_PATHS, SIMULATED, first_failure
@@ -246,6 +248,7 @@ def answer(validations: Sequence[Comparison], swept: Sweep | None = None) -> lis
         raised=raised,
         names=name_all,
         join=join_words,
+        label=partial(wheel_label, first.scene),
     )
     speed = comparison.measure_speeds(validations)
     over = swept.speed if swept else None
@@ -261,6 +264,7 @@ def answer(validations: Sequence[Comparison], swept: Sweep | None = None) -> lis
         *motion_sentence(validations),
         *sentences,
         *explain_missing(first.scene, first.predictions),
+        *name_wheels(first.scene),
         *([UNSEARCHED] if first.scene.correlation_time else []),
     ]
 

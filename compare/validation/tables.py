@@ -3,6 +3,7 @@ mm/s and mJ."""
 
 import math
 from collections.abc import Sequence
+from functools import partial
 from itertools import product
 from typing import Any
 
@@ -114,9 +115,10 @@ def list_leaving(v: Comparison) -> pd.DataFrame:
     """How paths leave the noise-free itinerary, by what they strike instead."""
     leaving = v.run.leaving
     return leaving.assign(
+        label=leaving["mesh"].map(partial(wheel_label, v.scene)),
         known=np.where(
             leaving["near"].astype(bool), "paths drawn near the branch", "this simulation"
-        )
+        ),
     )
 
 

@@ -45,7 +45,7 @@ def time_scales(scene: Scene) -> TimeScales:
     # largest modulation of excitation and noise in the rate of a gap at the driver (Eq. 5)
     first = np.flatnonzero(c.wheels["parent"] < 0)
     turns = c.wheels["turn"]
-    most = max(turns[i] * _modulation(c, float(beta[i])) for i in first)
+    most = max(float(turns[i]) * _modulation(c, float(beta[i])) for i in first)
     driver = c.alpha * float(turns[first].max()) * most_velocity(c.drive)
     # a narrow gap bounds the relative speed
     driven = min(driver, 2.0 * math.sqrt(c.alpha * most * gap))

@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 from random_gears import PAIR_B
+from scenes import tree
 
-from rattle import Closure, validate
+from rattle import Closure, mean_map, validate
 from rattle.montecarlo.branches import search as branches
 from rattle.montecarlo.branches.search import BranchSearch
 from rattle.scene import DAT21, Scene
@@ -43,6 +44,24 @@ def test_a_branch_whose_window_lies_between_the_points_of_the_grid_is_found():
     np.testing.assert_allclose(
         [b.beta * s for (b,), s in zip(found, sigmas, strict=True)], 0.328, rtol=5e-3
     )
+
+
+@pytest.mark.parametrize(
+    "scene",
+    [Scene.from_gears(DAT21, sigma=1e-6), tree((0, 0, 1, 1), sigma=1e-6)],
+    ids=["two wheels", "a tree of four"],
+)
+def test_states_respond_to_the_noise_of_steps_as_their_covariance_says(scene):
+    """So paths near a branch are drawn where it lies; a buffer that was too short by a row made
+    the responses whatever the memory held."""
+    covariance = mean_map(scene, impacts=4, closure="saltation").trace.covariance
+    search = BranchSearch(scene, 4, 800, 0.005)
+    search.until(1.0)
+    assert len(search.responses) == 4
+    for before, response in zip(covariance[1:], search.responses, strict=True):
+        by_steps = np.linalg.norm(response, axis=1)
+        # the part of a step's noise that is left out, its area, only takes from it
+        np.testing.assert_allclose(by_steps, np.sqrt(np.diag(before)), rtol=0.012)
 
 
 def test_an_orbit_that_ends_leaves_later_impacts_unknown():
