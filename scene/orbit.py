@@ -28,7 +28,7 @@ from rattle.scene.sticking import (
     stick_on,
 )
 from rattle.scene.text import as_html
-from rattle.scene.types import state_names
+from rattle.scene.types import BODY, state_names
 from rattle.scene.units import as_dataset
 
 if TYPE_CHECKING:
@@ -148,17 +148,20 @@ def stick(
     state = at.after[k].copy()
     flight = 0.0
     closed = np.zeros(c.wheels.size, np.int64)
+    bodies = np.empty(c.wheels.size, BODY)
     t, sticking = find_chatter(c, at, k)
     if t < math.inf:
-        walls = np.empty(c.wheels.size)
-        for i in range(walls.size):
-            walls[i] = sticking[i] * c.wheels[i].wall
-        state = close(c, flow(c, tau, state, t), sticking, walls)
+        walls = np.empty(state.size)
+        for i in range(c.wheels.size):
+            walls[2 * i] = c.wheels[i].wall
+            walls[2 * i + 1] = c.wheels[i].wall
+        state = flow(c, tau, state, t)
+        close(c, state, sticking, walls, bodies)
         tau += t
         flight += t
     while True:
         if not np.any(closed != 0):
-            closed = find_sticking(c, tau, state, find_touching(c, state))
+            find_sticking(c, tau, state, find_touching(c, state), closed, bodies)
         if np.any(closed != 0):
             n = put_leg(legs, n, k, tau, state, closed)
             t, mesh, _, state, closed = next_contact(c, tau, state, closed, HORIZON)

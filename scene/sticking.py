@@ -14,15 +14,15 @@ Chatter is completed as a geometric series (`complete_chatter`).
 """
 
 import math
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from rattle.scene import drive as motion
-from rattle.scene.compiled import internal, not_inlined
-from rattle.scene.flight import deviations, flow, wheel_speeds
+from rattle.scene.compiled import internal, lean_internal, not_inlined
+from rattle.scene.flight import flow, wheel_speeds
 from rattle.scene.impact import NONE, REST, TOUCH_STEP, approach, next_impact, safe_time
-from rattle.scene.types import Constants, Floats, Ints
+from rattle.scene.types import BODY, WHEEL, Bodies, Constants, Floats, Ints, Wheels
 from rattle.scene.wheel import complete_wheels
 
 # longest time, and largest relative change of the contact acceleration, of chatter that is summed
@@ -32,139 +32,143 @@ MOST_CHANGES = 1000  # of the meshes that stick, until the right ones are
 DRIVER = -1  # root of a body that is locked to the driver
 
 
-class Bodies(NamedTuple):
-    """What the wheels make where some meshes are closed; arrays by wheel."""
+@lean_internal
+def lock(c: Constants, closed: Ints, bodies: Bodies) -> None:
+    """Write the bodies that closed meshes make of the wheels.
 
-    root: Ints  # first wheel of its body, or `DRIVER`
-    carry: Floats  # its speed over that of the root
-    # mass, beta, gamma: of all that is locked below its mesh, as one wheel there
-    mass: Floats
-    beta: Floats
-    gamma: Floats
-
-
-@internal
-def lock(c: Constants, closed: Ints) -> Bodies:
-    """The bodies that closed meshes make of the wheels.
-
-    `closed`: Sides on which meshes are closed, +1 or -1; 0 for an open mesh.  Shapes: `closed`
-    (wheels,).
+    `closed`: Sides on which meshes are closed, +1 or -1; 0 for an open mesh.  Shapes: `closed`,
+    `bodies` (wheels,).
     """
     not_inlined()
-    n = c.wheels.size
-    root = np.empty(n, np.int64)
-    carry = np.ones(n)
-    mass = np.empty(n)
-    beta = np.empty(n)
-    gamma = np.empty(n)
-    for i in range(n):
+    for i in range(c.wheels.size):
         wheel = c.wheels[i]
-        root[i] = i
+        body = bodies[i]
+        body.root = i
+        body.carry = 1.0
         if closed[i] != 0:
-            root[i] = DRIVER
-            carry[i] = wheel.turn
+            body.root = DRIVER
+            body.carry = wheel.turn
             if wheel.parent >= 0:
-                root[i] = root[wheel.parent]
-                carry[i] = wheel.ratio * carry[wheel.parent]
-        mass[i] = wheel.mass
-        beta[i] = wheel.mass * wheel.beta
-        gamma[i] = wheel.mass * wheel.gamma
-    for i in range(n - 1, -1, -1):
+                body.root = bodies[wheel.parent].root
+                body.carry = wheel.ratio * bodies[wheel.parent].carry
+        body.mass = wheel.mass
+        body.beta = wheel.mass * wheel.beta
+        body.gamma = wheel.mass * wheel.gamma
+    for i in range(c.wheels.size - 1, -1, -1):
         wheel = c.wheels[i]
+        body = bodies[i]
         if closed[i] != 0 and wheel.parent >= 0:
-            mass[wheel.parent] += wheel.ratio * wheel.ratio * mass[i]
-            beta[wheel.parent] += wheel.ratio * wheel.ratio * beta[i]
-            gamma[wheel.parent] += wheel.ratio * gamma[i]
-        beta[i] /= mass[i]
-        gamma[i] /= mass[i]
-    return Bodies(root, carry, mass, beta, gamma)
+            parent = bodies[wheel.parent]
+            parent.mass += wheel.ratio * wheel.ratio * body.mass
+            parent.beta += wheel.ratio * wheel.ratio * body.beta
+            parent.gamma += wheel.ratio * body.gamma
+        body.beta /= body.mass
+        body.gamma /= body.mass
 
 
-@internal
-def contact_motion(c: Constants, tau: float, s: Floats, closed: Ints) -> Floats:
-    """By mesh: the push of a closed one's contact as the acceleration that it alone gives the gap,
-    positive while it pushes; the acceleration of an open one's gap.
+@lean_internal
+def contact_motion(c: Constants, tau: float, s: Floats, closed: Ints, bodies: Bodies) -> None:
+    """Write the bodies, and by mesh the push of a closed one's contact as the acceleration that it
+    alone gives the gap, positive while it pushes; the acceleration of an open one's gap.
 
     ``v_i' = w_i + kappa_i alpha f''``; the last term is the same for both sides of a gap.  The
     speeds are those of the state, in which a closed mesh may still have a rate: so the forces are
-    linear in the contacts.  Shapes: `s` (2 wheels,); `closed`, result (wheels,).
+    linear in the contacts.  Shapes: `s` (2 wheels,); `closed`, `bodies` (wheels,).
     """
     not_inlined()
-    n = c.wheels.size
-    bodies = lock(c, closed)
-    u = wheel_speeds(c, tau, s)
-    driver = c.alpha * motion.acceleration(c.drive, tau)
+    lock(c, closed, bodies)
+    first, second = motion.velocity_acceleration(c.drive, tau)
+    driver = c.alpha * second
     # what all that is locked below a mesh loses by damping and drag, as an acceleration
-    pull = np.empty(n)
-    for i in range(n):
+    for i in range(c.wheels.size):
         wheel = c.wheels[i]
-        pull[i] = wheel.mass * (wheel.beta * u[i] + wheel.gamma)
-    for i in range(n - 1, -1, -1):
-        wheel = c.wheels[i]
-        if closed[i] != 0 and wheel.parent >= 0:
-            pull[wheel.parent] += wheel.ratio * pull[i]
-        pull[i] /= bodies.mass[i]
-    w = np.empty(n)
-    out = np.empty(n)
-    for i in range(n):
-        wheel = c.wheels[i]
-        r = bodies.root[i]
-        w[i] = -wheel.turn * driver if r == DRIVER else bodies.carry[i] * pull[r]
-        if closed[i] != 0:
-            force = bodies.mass[i] * (pull[i] - w[i])
-            out[i] = closed[i] * wheel.sign * force / (wheel.mass * (1.0 - wheel.share))
-        elif wheel.parent < 0:
-            out[i] = wheel.sign * (w[i] + wheel.turn * driver)
+        body = bodies[i]
+        if wheel.parent < 0:
+            body.speed = wheel.turn * c.alpha * first - wheel.sign * s[2 * i + 1]
         else:
-            out[i] = wheel.ratio * w[wheel.parent] - w[i]
-    return out
+            body.speed = wheel.ratio * bodies[wheel.parent].speed + s[2 * i + 1]
+        body.pull = wheel.mass * (wheel.beta * body.speed + wheel.gamma)
+    for i in range(c.wheels.size - 1, -1, -1):
+        wheel = c.wheels[i]
+        body = bodies[i]
+        if closed[i] != 0 and wheel.parent >= 0:
+            bodies[wheel.parent].pull += wheel.ratio * body.pull
+        body.pull /= body.mass
+    for i in range(c.wheels.size):
+        wheel = c.wheels[i]
+        body = bodies[i]
+        r = body.root
+        body.motion = -wheel.turn * driver if r == DRIVER else body.carry * bodies[r].pull
+        if closed[i] != 0:
+            force = body.mass * (body.pull - body.motion)
+            body.push = closed[i] * wheel.sign * force / (wheel.mass * (1.0 - wheel.share))
+        elif wheel.parent < 0:
+            body.push = wheel.sign * (body.motion + wheel.turn * driver)
+        else:
+            body.push = wheel.ratio * bodies[wheel.parent].motion - body.motion
 
 
-@internal
-def _most_acceleration(c: Constants, tau: float, s: Floats) -> float:
+@lean_internal
+def _bound_accelerations(c: Constants, tau: float, bodies: Bodies) -> float:
     """A bound of all accelerations of gaps and contacts: what their terms add up to, on the
-    lightest wheel."""
-    u = wheel_speeds(c, tau, s)
+    lightest wheel.
+
+    `bodies`: as `contact_motion` wrote them.
+    """
     driver = abs(c.alpha * motion.acceleration(c.drive, tau))
     total = 0.0
     mass = 0.0
     lightest = math.inf
     for i in range(c.wheels.size):
         wheel = c.wheels[i]
-        total += abs(wheel.beta * u[i] + wheel.gamma) + wheel.turn * driver
+        total += abs(wheel.beta * bodies[i].speed + wheel.gamma) + wheel.turn * driver
         mass += wheel.turn * wheel.turn * wheel.mass
         lightest = min(lightest, wheel.turn * wheel.turn * wheel.mass)
     return total * mass / lightest
 
 
-@internal
-def find_sticking(c: Constants, tau: float, s: Floats, touching: Ints) -> Ints:
-    """Which meshes stick, of those that touch a wall at zero speed.
+@lean_internal
+def find_sticking(
+    c: Constants, tau: float, s: Floats, touching: Ints, closed: Ints, bodies: Bodies
+) -> None:
+    """Write which meshes stick, of those that touch a wall at zero speed, and their
+    `contact_motion`.
 
     The answer is the one combination in which every contact pushes and every open mesh accelerates
     away.  It is unique, because the matrix of the contacts' effects on each other is positive
-    definite, and is found by changing the first mesh that is wrong, again and again (Murty 1974).
-    A contact whose force is zero but for rounding stays closed; `opening` opens it if it must.
+    definite: all of them where all of them push.  Else it is found by changing the first mesh that
+    is wrong, again and again (Murty 1974).  A contact whose force is zero but for rounding stays
+    closed; `opening` opens it if it must.
 
     `touching`: Sides on which meshes touch their wall at zero speed; 0 for a mesh that does not.
-    Shapes: `s` (2 wheels,); `touching`, result (wheels,).
+    Shapes: `s` (2 wheels,); `touching`, `closed`, `bodies` (wheels,).
     """
     not_inlined()
-    closed = np.zeros(touching.size, np.int64)
-    slack = 1e-15 * _most_acceleration(c, tau, s)
+    for i in range(closed.size):
+        closed[i] = touching[i]
+    contact_motion(c, tau, s, closed, bodies)
+    slack = 1e-15 * _bound_accelerations(c, tau, bodies)
+    least = math.inf
+    for i in range(closed.size):
+        if closed[i] != 0:
+            least = min(least, bodies[i].push)
+    if least > slack:
+        return
+    for i in range(closed.size):
+        closed[i] = 0
     wrong = 0
     for _ in range(MOST_CHANGES):
-        motions = contact_motion(c, tau, s, closed)
+        contact_motion(c, tau, s, closed, bodies)
         wrong = -1
-        for i in range(touching.size - 1, -1, -1):
-            opens = closed[i] != 0 and motions[i] < -slack
-            closes = closed[i] == 0 and touching[i] * motions[i] > 0.0
+        for i in range(closed.size - 1, -1, -1):
+            push = bodies[i].push
+            opens = closed[i] != 0 and push < -slack
+            closes = closed[i] == 0 and touching[i] * push > 0.0
             if opens or closes:
                 wrong = i
         if wrong < 0:
             break
         closed[wrong] = touching[wrong] if closed[wrong] == 0 else 0
-    return closed
 
 
 @internal
@@ -213,14 +217,15 @@ def _until_orders(
 def _until_apart(i: int, speed: float, bodies: Bodies) -> float:
     """Time until a closed mesh of a moving body opens: the speed of the body's first wheel at which
     both sides of the mesh decelerate alike; infinite if it never comes."""
-    r = bodies.root[i]
-    beta = bodies.beta[r]
-    slope = bodies.carry[i] * (beta - bodies.beta[i])
+    body = bodies[i]
+    first = bodies[body.root]
+    beta = first.beta
+    slope = body.carry * (beta - body.beta)
     if slope == 0.0:
         return math.inf
     # what is left to lose of the speed
-    left = speed + (bodies.carry[i] * bodies.gamma[r] - bodies.gamma[i]) / slope
-    rate = beta * speed + bodies.gamma[r]
+    left = speed + (body.carry * first.gamma - body.gamma) / slope
+    rate = beta * speed + first.gamma
     e = left / rate if rate != 0.0 else math.inf  # E = (1 - exp(-beta t)) / beta at the opening
     if not e > 0.0 or beta * e >= 1.0:
         return math.inf
@@ -231,56 +236,60 @@ def _until_apart(i: int, speed: float, bodies: Bodies) -> float:
 def opening(c: Constants, tau: float, s: Floats, closed: Ints) -> tuple[float, int]:
     """Time until the first of the sticking meshes opens, because its contact force has fallen to
     zero, and its index."""
-    bodies = lock(c, closed)
-    u = wheel_speeds(c, tau, s)
-    pushes = contact_motion(c, tau, s, closed)
+    bodies = np.empty(c.wheels.size, BODY)
+    contact_motion(c, tau, s, closed, bodies)
     first = math.inf
     which = 0
     for i in range(c.wheels.size):
         if closed[i] == 0:
             continue
         wheel = c.wheels[i]
-        if pushes[i] <= 0.0:
+        body = bodies[i]
+        if body.push <= 0.0:
             t = 0.0
-        elif bodies.root[i] == DRIVER:
+        elif body.root == DRIVER:
             side = closed[i] * int(wheel.sign)
-            alpha = wheel.turn * c.alpha
-            t = _until_driver(c.drive, side, bodies.beta[i], bodies.gamma[i], alpha, tau)
+            t = _until_driver(c.drive, side, body.beta, body.gamma, wheel.turn * c.alpha, tau)
         else:
-            t = _until_apart(i, u[bodies.root[i]], bodies)
+            t = _until_apart(i, bodies[body.root].speed, bodies)
         if t < first:
             first = t
             which = i
     return first, which
 
 
-@internal
-def open_meshes(closed: Ints) -> Ints:
-    """Indices of the meshes that are open."""
+@lean_internal
+def list_open(closed: Ints, free: Ints) -> int:
+    """List the meshes that are open; returns how many there are.
+
+    Shapes: `closed`, `free` (wheels,).
+    """
     not_inlined()
-    count = 0
-    for i in range(closed.size):
-        count += closed[i] == 0
-    out = np.empty(count, np.int64)
     count = 0
     for i in range(closed.size):
         if closed[i] == 0:
-            out[count] = i
+            free[count] = i
             count += 1
-    return out
+    return count
 
 
 @internal
-def as_bodies(c: Constants, closed: Ints) -> Constants:
-    """The scene whose wheels are the bodies that closed meshes leave: those of the open meshes.
+def open_meshes(closed: Ints) -> Ints:
+    """Indices of the meshes that are open."""
+    free = np.empty(closed.size, np.int64)
+    count = list_open(closed, free)
+    return free[:count]
+
+
+@lean_internal
+def write_bodies(c: Constants, closed: Ints, free: Ints, bodies: Bodies, wheels: Wheels) -> None:
+    """Write the bodies that closed meshes leave as the wheels of a scene: those of the open meshes.
 
     A mesh with a wheel that is locked to the driver is one at the driver, with the sign that it
-    has.
+    has.  Shapes: `free`, `wheels` (open meshes,).
     """
     not_inlined()
-    bodies = lock(c, closed)
-    free = open_meshes(closed)
-    wheels = c.wheels[: free.size].copy()
+    lock(c, closed, bodies)
     for j in range(free.size):
         i = free[j]
         wheel = c.wheels[i]
@@ -289,51 +298,59 @@ def as_bodies(c: Constants, closed: Ints) -> Constants:
         body.sign = wheel.sign
         body.ratio = wheel.ratio
         if wheel.parent >= 0:
-            root = bodies.root[wheel.parent]
-            body.ratio = wheel.ratio * bodies.carry[wheel.parent]
+            root = bodies[wheel.parent].root
+            body.ratio = wheel.ratio * bodies[wheel.parent].carry
             for k in range(j):
                 if free[k] == root:
                     body.parent = k
         body.turn = wheel.turn
-        body.beta = bodies.beta[i]
-        body.gamma = bodies.gamma[i]
-        body.mass = bodies.mass[i]
+        body.beta = bodies[i].beta
+        body.gamma = bodies[i].gamma
+        body.mass = bodies[i].mass
         body.wall = wheel.wall
         body.epsilon = wheel.epsilon
     complete_wheels(wheels, c.drive)
+
+
+@internal
+def as_bodies(c: Constants, closed: Ints) -> Constants:
+    """The scene whose wheels are the bodies that closed meshes leave."""
+    free = open_meshes(closed)
+    wheels = np.empty(free.size, WHEEL)
+    write_bodies(c, closed, free, np.empty(closed.size, BODY), wheels)
     return Constants(c.alpha, c.sigma, wheels, c.drive, c.memory)
 
 
-@internal
-def take_open(s: Floats, free: Ints) -> Floats:
-    """The part of a state that belongs to some meshes.
+@lean_internal
+def take_open(s: Floats, free: Ints, part: Floats) -> None:
+    """Write the part of a state that belongs to some meshes.
 
-    Shapes: `s` (2 wheels,); result (2 free,).
+    Shapes: `s` (2 wheels,); `part` (2 free,).
     """
     not_inlined()
-    out = np.empty(2 * free.size)
     for j in range(free.size):
-        out[2 * j] = s[2 * free[j]]
-        out[2 * j + 1] = s[2 * free[j] + 1]
-    return out
+        part[2 * j] = s[2 * free[j]]
+        part[2 * j + 1] = s[2 * free[j] + 1]
 
 
-@internal
-def put_open(s: Floats, free: Ints, part: Floats) -> Floats:
-    """A state with another part for some meshes: see `take_open`."""
+@lean_internal
+def put_open(s: Floats, free: Ints, part: Floats) -> None:
+    """Give a state another part for some meshes, in place: see `take_open`."""
     not_inlined()
-    out = s.copy()
     for j in range(free.size):
-        out[2 * free[j]] = part[2 * j]
-        out[2 * free[j] + 1] = part[2 * j + 1]
-    return out
+        s[2 * free[j]] = part[2 * j]
+        s[2 * free[j] + 1] = part[2 * j + 1]
 
 
 @internal
 def stick_on(c: Constants, tau: float, s: Floats, closed: Ints, t: float) -> Floats:
     """State after a time in which the same meshes stick and no wall is struck."""
     free = open_meshes(closed)
-    return put_open(s, free, flow(as_bodies(c, closed), tau, take_open(s, free), t))
+    part = np.empty(2 * free.size)
+    take_open(s, free, part)
+    out = s.copy()
+    put_open(out, free, flow(as_bodies(c, closed), tau, part, t))
+    return out
 
 
 @internal
@@ -348,10 +365,12 @@ def next_contact(
     """
     opens, which = opening(c, tau, s, closed)
     free = open_meshes(closed)
-    body_state = take_open(s, free)
+    part = np.empty(2 * free.size)
+    take_open(s, free, part)
     until = min(opens, horizon)
-    t, mesh, side, body_state = next_impact(as_bodies(c, closed), tau, body_state, until)
-    out = put_open(s, free, body_state)
+    t, mesh, side, part = next_impact(as_bodies(c, closed), tau, part, until)
+    out = s.copy()
+    put_open(out, free, part)
     still = closed.copy()
     if mesh > 0:
         mesh = free[mesh - 1] + 1
@@ -370,53 +389,58 @@ def next_contact(
     return t, mesh, side, out, still
 
 
-@internal
-def close(c: Constants, s: Floats, closed: Ints, places: Floats) -> Floats:
-    """The state with sticking meshes put on their walls, at `places`, at zero speed.
+@lean_internal
+def close(c: Constants, s: Floats, closed: Ints, walls: Floats, bodies: Bodies) -> None:
+    """Put sticking meshes on their walls at zero speed, in place.
 
     Each body keeps its momentum and its centre of mass; one that is locked to the driver moves with
-    it.  All other wheels stay as they are.  Shapes: `s` (2 wheels,); `closed`, `places` (wheels,).
+    it.  All other wheels stay as they are.
+
+    `walls`: Distances of the flanks +1, -1, +2, -2, ... from their middle.  Shapes: `s`, `walls` (2
+    wheels,); `closed`, `bodies` (wheels,).
     """
     not_inlined()
-    n = c.wheels.size
-    bodies = lock(c, closed)
-    v = deviations(c)
-    # of each wheel: position and speed, and its place in its body
-    place = np.zeros(n)
-    now = np.zeros((2, n))
-    kept = np.zeros((2, n))
-    for i in range(n):
+    lock(c, closed, bodies)
+    for i in range(c.wheels.size):
         wheel = c.wheels[i]
-        for j in range(i + 1):
-            now[0, i] += v[i, j] * s[2 * j]
-            now[1, i] += v[i, j] * s[2 * j + 1]
+        body = bodies[i]
+        body.place = wheel.sign * s[2 * i]
+        body.rate = wheel.sign * s[2 * i + 1]
+        body.offset = 0.0
+        body.kept_place = 0.0
+        body.kept_rate = 0.0
+        if wheel.parent >= 0:
+            body.place += wheel.ratio * bodies[wheel.parent].place
+            body.rate += wheel.ratio * bodies[wheel.parent].rate
         if closed[i] != 0:
-            carried = wheel.ratio * place[wheel.parent] if wheel.parent >= 0 else 0.0
-            place[i] = carried + wheel.sign * places[i]
-        r = bodies.root[i]
-        if r != DRIVER:
-            share = bodies.carry[i] * wheel.mass / bodies.mass[r]
-            kept[0, r] += share * (now[0, i] - place[i])
-            kept[1, r] += share * now[1, i]
-    moved = np.zeros((2, n))
-    for i in range(n):
-        r = bodies.root[i]
-        alone = r == i and bodies.mass[i] == c.wheels[i].mass
-        if not alone:
-            at = bodies.carry[i] * kept[0, r] if r != DRIVER else 0.0
-            speed = bodies.carry[i] * kept[1, r] if r != DRIVER else 0.0
-            moved[0, i] = at + place[i] - now[0, i]
-            moved[1, i] = speed - now[1, i]
-    out = s.copy()
-    for i in range(n):
+            s[2 * i] = walls[2 * i] if closed[i] > 0 else -walls[2 * i + 1]
+            s[2 * i + 1] = 0.0
+            carried = wheel.ratio * bodies[wheel.parent].offset if wheel.parent >= 0 else 0.0
+            body.offset = carried + wheel.sign * s[2 * i]
+        if body.root != DRIVER:
+            first = bodies[body.root]
+            share = body.carry * wheel.mass / first.mass
+            first.kept_place += share * (body.place - body.offset)
+            first.kept_rate += share * body.rate
+    # place, rate: from here on by how much a wheel is moved
+    for i in range(c.wheels.size):
         wheel = c.wheels[i]
-        for part in range(2):
-            carried = wheel.ratio * moved[part, wheel.parent] if wheel.parent >= 0 else 0.0
-            out[2 * i + part] += carried + wheel.sign * moved[part, i]
-        if closed[i] != 0:
-            out[2 * i] = places[i]
-            out[2 * i + 1] = 0.0
-    return out
+        body = bodies[i]
+        r = body.root
+        if r == i and body.mass == wheel.mass:  # alone
+            body.place = 0.0
+            body.rate = 0.0
+        else:
+            place = body.carry * bodies[r].kept_place if r != DRIVER else 0.0
+            rate = body.carry * bodies[r].kept_rate if r != DRIVER else 0.0
+            body.place = place + body.offset - body.place
+            body.rate = rate - body.rate
+        if closed[i] == 0:
+            s[2 * i] += wheel.sign * body.place
+            s[2 * i + 1] += wheel.sign * body.rate
+            if wheel.parent >= 0:
+                s[2 * i] += wheel.ratio * bodies[wheel.parent].place
+                s[2 * i + 1] += wheel.ratio * bodies[wheel.parent].rate
 
 
 @internal
@@ -427,6 +451,14 @@ def _is_slow(c: Constants, i: int, s: Floats, most: float) -> bool:
     limit = (1.0 - wheel.epsilon) * CHATTER_LIMIT
     rate = abs(s[2 * i + 1])
     return bool(2.0 * rate <= limit * most and 8.0 * gap <= limit * limit * most)
+
+
+@internal
+def _most_acceleration(c: Constants, tau: float, s: Floats) -> float:
+    """A bound of all accelerations of gaps and contacts in a state."""
+    bodies = np.empty(c.wheels.size, BODY)
+    contact_motion(c, tau, s, np.zeros(c.wheels.size, np.int64), bodies)
+    return _bound_accelerations(c, tau, bodies)
 
 
 @internal
@@ -457,7 +489,8 @@ def _stick_together(
 
     `change`: Bound of the rate of change of all accelerations.
     """
-    pushes = contact_motion(c, tau, s, together)
+    bodies = np.empty(c.wheels.size, BODY)
+    contact_motion(c, tau, s, together, bodies)
     others = False
     weakest = math.inf
     strongest = 0.0
@@ -468,8 +501,8 @@ def _stick_together(
         if together[i] == 0:
             continue
         wheel = c.wheels[i]
-        weakest = min(weakest, pushes[i])
-        strongest = max(strongest, pushes[i])
+        weakest = min(weakest, bodies[i].push)
+        strongest = max(strongest, bodies[i].push)
         if at_rest[i] == 0:
             others = others or i != mesh - 1
             longest = max(longest, 2.0 / (1.0 - wheel.epsilon))
@@ -523,16 +556,19 @@ def complete_chatter(
         if i != mesh - 1:
             at_rest[i] = nearest if fastest == 0.0 else 0
             reach[i] = fastest if slow else 0.0
+    bodies = np.empty(n, BODY)
+    together = np.zeros(n, np.int64)
     # without the fastest of them, again and again: it may be in flight beside the chatter of others
     while reach.max() > 0.0:
-        together = find_sticking(c, tau, s, near)
+        find_sticking(c, tau, s, near, together, bodies)
         if together[mesh - 1] != 0 and _stick_together(c, tau, s, together, at_rest, mesh, change):
             return 0.0, together
         i = int(np.argmax(reach))
         near[i] = 0
         reach[i] = 0.0
-    closed = find_sticking(c, tau, s, at_rest)
-    press = side * contact_motion(c, tau, s, closed)[mesh - 1]
+    closed = np.zeros(n, np.int64)
+    find_sticking(c, tau, s, at_rest, closed, bodies)
+    press = side * bodies[mesh - 1].push
     speed = -side * s[2 * mesh - 1]
     if not (press > 0.0 and speed >= 0.0):
         return math.inf, never
@@ -541,15 +577,15 @@ def complete_chatter(
     if t > CHATTER_LIMIT or t * change > CHATTER_LIMIT * press:
         return math.inf, never
     closed[mesh - 1] = side
-    motions = contact_motion(c, tau, s, closed)
+    contact_motion(c, tau, s, closed, bodies)
     for i in range(n):
         if closed[i] != 0:
             continue
         wheel = c.wheels[i]
         x = s[2 * i]
         y = s[2 * i + 1]
-        up = safe_time(wheel.wall - x, y, motions[i], most, 0.0)
-        down = safe_time(wheel.wall + x, -y, -motions[i], most, 0.0)
+        up = safe_time(wheel.wall - x, y, bodies[i].push, most, 0.0)
+        down = safe_time(wheel.wall + x, -y, -bodies[i].push, most, 0.0)
         if min(up, down) < t:
             return math.inf, never
     return t, closed

@@ -10,7 +10,7 @@ from rattle.scene.gears import KG_MM_PER_S2_PER_N
 from rattle.scene.numpy_errors import numpy_defaults
 from rattle.scene.scene import Scene, check_scene
 from rattle.scene.sticking import lock
-from rattle.scene.types import Constants, Floats
+from rattle.scene.types import BODY, Constants, Floats
 
 PULL_POINTS = 32  # points for each order of the drive, among which the largest pull is looked for
 ZOOMS = 6  # times that the place of the largest pull is looked for sixteen times as closely
@@ -117,7 +117,8 @@ def least_drags(c: Constants) -> Floats:
     Shapes: result (wheels,).
     """
     wheels = c.wheels
-    bodies = lock(c, np.ones(wheels.size, np.int64))
+    bodies = np.empty(wheels.size, BODY)
+    lock(c, np.ones(wheels.size, np.int64), bodies)
     # least: of each wheel; kept: of all that is locked below its mesh, each with its own threshold
     # or more
     least = np.empty(wheels.size)
@@ -125,7 +126,7 @@ def least_drags(c: Constants) -> Floats:
     for i in range(wheels.size - 1, -1, -1):
         wheel = wheels[i]
         below = kept[i]
-        needed = wheel.turn * _largest_pull(c, bodies.beta[i]) * bodies.mass[i]
+        needed = wheel.turn * _largest_pull(c, bodies[i].beta) * bodies[i].mass
         least[i] = max((needed - below) / wheel.mass, 0.0)
         if wheel.parent >= 0:
             total = wheel.mass * max(wheel.gamma, least[i]) + below

@@ -55,6 +55,10 @@ class WheelRecord(np.void):  # type: ignore[misc]  # numpy calls a base of it fi
     slow."""
 
 
+class BodyRecord(np.void):  # type: ignore[misc]
+    """As `WheelRecord`, of `BODY`."""
+
+
 WHEEL = np.dtype(
     (
         WheelRecord,
@@ -85,6 +89,34 @@ WHEEL = np.dtype(
 )
 """A loose wheel and its gap, for compiled code (docs/model.md section 2)."""
 
+Bodies = Any
+"""An array of `BODY`, one for each wheel."""
+BODY = np.dtype(
+    (
+        BodyRecord,
+        [
+            ("root", np.int64),  # first wheel of the body that it is locked into; -1: the driver
+            ("carry", np.float64),  # its speed over that of the root
+            # mass, beta, gamma: of all that is locked below its mesh, as one wheel there
+            ("mass", np.float64),
+            ("beta", np.float64),
+            ("gamma", np.float64),
+            ("speed", np.float64),  # u, at its own mesh
+            ("pull", np.float64),  # acceleration by damping and drag of all that is locked below
+            ("motion", np.float64),  # its acceleration, less the driver's
+            ("push", np.float64),  # see `rattle.scene.sticking.contact_motion`
+            # place, rate: deviations of its position and speed; kept: what its body keeps of them
+            ("place", np.float64),
+            ("rate", np.float64),
+            ("kept_place", np.float64),
+            ("kept_rate", np.float64),
+            ("offset", np.float64),  # of its position in its body
+        ],
+    ),
+    align=True,
+)
+"""What closed meshes make of a wheel, for compiled code (docs/model.md section 10)."""
+
 
 def _attribute(name: str) -> property:
     """A field of a record as an attribute."""
@@ -97,6 +129,8 @@ def _attribute(name: str) -> property:
 
 for field in WHEEL.names or ():
     setattr(WheelRecord, field, _attribute(field))
+for field in BODY.names or ():
+    setattr(BodyRecord, field, _attribute(field))
 
 
 class Constants(NamedTuple):

@@ -43,6 +43,7 @@ from rattle.scene import Constants, Floats, InputError, Ints, Scene
 from rattle.scene.compiled import internal, lean_internal, not_inlined
 from rattle.scene.impact import strike
 from rattle.scene.sticking import as_bodies, close, find_sticking, open_meshes, put_open, take_open
+from rattle.scene.types import BODY
 
 Pair = tuple[float, float]
 
@@ -166,14 +167,17 @@ def _beside(tree: Tree) -> Tree:
     not_inlined()
     room = tree.room
     free = open_meshes(room.sides)
-    state = take_open(room.state, free)
+    state = np.empty(2 * free.size)
+    walls = np.empty(2 * free.size)
+    take_open(room.state, free, state)
+    take_open(room.walls, free, walls)
     bodies = TreeRoom(
         room.pending,
         state,
         np.empty(state.size),
         room.series,
         room.margins[: free.size],
-        take_open(room.walls, free),
+        walls,
         room.sides,
         room.contacts,
     )
@@ -184,7 +188,7 @@ def _beside(tree: Tree) -> Tree:
 def _move_open(tree: Tree, part: Tree) -> None:
     """Take over the state of the bodies that closed meshes leave."""
     room = tree.room
-    copy_state(room.state, put_open(room.state, open_meshes(room.sides), part.room.state))
+    put_open(room.state, open_meshes(room.sides), part.room.state)
 
 
 @lean_internal
@@ -290,7 +294,8 @@ def _close_resting(tree: Tree, tau: float, alpha: float, held: Ints) -> None:
         if s[2 * i + 1] == 0.0 and abs(s[2 * i]) == room.walls[2 * i]:
             touching[i] = 1 if s[2 * i] > 0.0 else -1
     pushed = Constants(alpha, c.sigma, c.wheels, c.drive, c.memory)
-    sticking = find_sticking(pushed, tau, s, touching)
+    sticking = np.empty(held.size, np.int64)
+    find_sticking(pushed, tau, s, touching, sticking, np.empty(held.size, BODY))
     for i in range(held.size):
         room.sides[i] = held[i] if held[i] != 0 else sticking[i]
 
@@ -300,10 +305,7 @@ def _put_closed(tree: Tree) -> None:
     """Put the closed meshes on their walls, at rest."""
     not_inlined()
     room = tree.room
-    places = np.empty(room.sides.size)
-    for i in range(places.size):
-        places[i] = room.sides[i] * room.walls[2 * i]
-    copy_state(room.state, close(tree.c, room.state, room.sides, places))
+    close(tree.c, room.state, room.sides, room.walls, np.empty(room.sides.size, BODY))
 
 
 @internal
@@ -447,7 +449,8 @@ def _close_for_step(tree: Tree, tau: float) -> None:
     room = tree.room
     _close_resting(tree, tau, c.alpha, room.sides.copy())
     step = Progress(0, tau, tree.clock.h, Noise(0.0, 0.0))
-    leave_lifted(c, step, room.state, room.sides, c.sigma)
+    bodies = np.empty(room.sides.size, BODY)
+    leave_lifted(c, step, room.state, room.sides, c.sigma, bodies)
 
 
 @internal

@@ -19,13 +19,14 @@ from rattle.montecarlo.schemes.lanes import Lanes, Room
 from rattle.montecarlo.schemes.scheme import Scheme
 from rattle.montecarlo.schemes.short_flight import Phase
 from rattle.montecarlo.schemes.step_state import (
+    LEFT,
     MOST_IN_A_STEP,
     Inside,
     Progress,
     Quiet,
     Scratch,
 )
-from rattle.montecarlo.schemes.sticking import add_closed, close_only
+from rattle.montecarlo.schemes.sticking import add_closed, close_only, put_all
 from rattle.scene import Constants, Floats, Ints
 from rattle.scene.compiled import lean, splice, widest_vectors
 from rattle.scene.impact import strike
@@ -313,7 +314,12 @@ def block_kernel(scheme: Scheme, wheels: int = 0) -> Callable[..., tuple[int, in
             buffers.unfollowed,
             buffers.forcing,
             buffers.speeds,
+            buffers.bodies,
+            buffers.choices,
+            buffers.wheels_beside,
+            buffers.beside,
         )
+        put_all(scratch.choices[LEFT], 0)  # the constants may be others than before
         times = out.fixed_steps.size
         work = sticking = recorded = linear = n = ZERO
         while n < most_steps and live > 0:

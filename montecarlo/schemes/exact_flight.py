@@ -13,8 +13,6 @@ wall, its noise is split there, its first part is flown as a trial, and so on
 import math
 from typing import NamedTuple
 
-import numpy as np
-
 from rattle.montecarlo.noise.brownian import Noise, join, split
 from rattle.montecarlo.noise.philox import BRIDGE, Word, normals
 from rattle.montecarlo.schemes.crossing import (
@@ -36,6 +34,7 @@ from rattle.montecarlo.schemes.short_flight import (
     third_of,
 )
 from rattle.montecarlo.schemes.step_state import (
+    FREE,
     MOST_IN_A_STEP,
     SPLITS,
     TOGETHER,
@@ -48,7 +47,12 @@ from rattle.montecarlo.schemes.step_state import (
     parent_deviation,
     put_on_wall,
 )
-from rattle.montecarlo.schemes.sticking import close_meshes, find_closed, stick_to_end
+from rattle.montecarlo.schemes.sticking import (
+    close_meshes,
+    find_closed,
+    leave_bodies,
+    stick_to_end,
+)
 from rattle.montecarlo.schemes.time_scales import (
     MEMORY_REASON,
     Limit,
@@ -57,10 +61,10 @@ from rattle.montecarlo.schemes.time_scales import (
     time_scales,
 )
 from rattle.scene import Bools, Constants, Floats, Scene
-from rattle.scene.compiled import inline, internal, lean, lean_internal, not_inlined, splice
+from rattle.scene.compiled import inline, lean, lean_internal, not_inlined, splice
 from rattle.scene.damping import pair
 from rattle.scene.drive import highest_order
-from rattle.scene.sticking import as_bodies, open_meshes, put_open, take_open
+from rattle.scene.sticking import put_open, take_open
 
 MOST_CUTS = 1000  # per step; then the path is clipped to its walls
 # shortest trial, relative to the time: two units in its last place, so that time goes on
@@ -409,34 +413,42 @@ def _advance(
         _put(ahead, top, cut * h, first)
 
 
-@internal
+@lean_internal
 def _advance_beside(inside: Inside, met: int, at: Progress, phase: Phase) -> tuple[Progress, Phase]:
     """`advance_exactly` beside closed meshes; called, for the flight of open meshes must not wait
     for which constants it takes."""
     not_inlined()
     whole = inside.scratch
-    free = open_meshes(whole.sides)
-    if free.size == 0:
-        return stick_to_end(inside.c, at, whole), phase
     close_meshes(inside.c, whole)
-    c = as_bodies(inside.c, whole.sides)
-    state = take_open(whole.state, free)
+    count = leave_bodies(inside.c, whole)
+    if count == 0:
+        return Progress(0, at.tau + at.left, 0.0, Noise(0.0, 0.0)), phase
+    free = whole.choices[FREE, :count]
+    wheels = whole.wheels_beside[:count]
+    c = Constants(inside.c.alpha, inside.c.sigma, wheels, inside.c.drive, inside.c.memory)
+    numbers = 2 * count
     part = Scratch(
-        free.size,
-        state,
+        count,
+        whole.beside[0, :numbers],
         whole.whole,
-        np.empty(state.size),
-        take_open(whole.walls, free),
+        whole.beside[1, :numbers],
+        whole.beside[2, :numbers],
         whole.series,
         whole.ahead,
         whole.sides,
         whole.unfollowed,
         whole.forcing,
         whole.speeds,
+        whole.bodies,
+        whole.choices,
+        whole.wheels_beside,
+        whole.beside,
     )
+    take_open(whole.state, free, part.state)
+    take_open(whole.walls, free, part.walls)
     beside = Inside(c, inside.key, inside.path, inside.step, inside.level, False, False, part)
     moved, phase = _advance(beside, c, True, met, at, phase)
-    copy_state(whole.state, put_open(whole.state, free, state))
+    put_open(whole.state, free, part.state)
     code = moved.code
     if code != 0:
         code = due_side(code) * (free[abs(code) - 1] + 1)

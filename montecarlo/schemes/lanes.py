@@ -8,9 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rattle.montecarlo.noise.philox import Word
-from rattle.montecarlo.schemes.step_state import FORCING, MOST_PARTS, MOST_TERMS, Scratch
+from rattle.montecarlo.schemes.step_state import CHOICES, FORCING, MOST_PARTS, MOST_TERMS, Scratch
 from rattle.scene import Bools, Constants, Floats, Ints
 from rattle.scene.compiled import inline, lean_internal, splice, widest_vectors
+from rattle.scene.types import BODY, WHEEL
 
 # finest steps between retirements of finished paths; a multiple of 4 (steps of a draw, coarsest
 # step)
@@ -106,6 +107,10 @@ def lanes_of(
             unfollowed=np.zeros((2, wheels)),
             forcing=np.zeros((wheels, FORCING)),
             speeds=np.zeros((wheels, lanes)),
+            bodies=np.zeros(wheels, BODY),
+            choices=np.zeros((CHOICES, wheels), np.int64),
+            wheels_beside=np.zeros(wheels, WHEEL),
+            beside=np.zeros((3, states)),
         ),
         closed=np.zeros((wheels + 2, lanes)),
     )

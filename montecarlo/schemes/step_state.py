@@ -6,6 +6,7 @@ from rattle.montecarlo.noise.brownian import Noise
 from rattle.montecarlo.noise.philox import Key, Word
 from rattle.scene import Constants, Floats, Ints
 from rattle.scene.compiled import inline, lean_internal
+from rattle.scene.types import Bodies, Wheels
 
 MOST_IN_A_STEP = 64
 """Most impacts of a path in a step, of three wheels or more for each of them; then the struck mesh
@@ -69,7 +70,27 @@ class Scratch(NamedTuple):
     speeds: (
         Floats  # deviations of the speeds of wheels between others, of all lanes; (wheels, lanes)
     )
+    # where meshes are closed: what they make of the wheels, by wheel; sets of meshes, see the rows
+    # below; and the wheels, state, end and walls of the bodies that they leave
+    bodies: Bodies
+    choices: Ints  # (CHOICES, wheels)
+    wheels_beside: Wheels
+    beside: Floats  # (3, 2 wheels)
 
+
+CHOICES = 8
+TOUCHING = 0
+"""First of the rows of `Scratch.choices`: sides on which meshes touch, those on which they stick,
+those without what is shaken, those that are held, and those that are held together; the wheel at
+the driver behind which a wheel is; the indices of the open meshes; and the sides of the closed
+meshes that left `Scratch.wheels_beside`."""
+STICKING = 1
+UNSHAKEN = 2
+HELD = 3
+GROUP = 4
+TOP = 5
+FREE = 6
+LEFT = 7
 
 FORCING = 12
 """Most numbers that are the same for every path, of each gap in a step."""

@@ -18,22 +18,36 @@ import numpy as np
 from rattle.montecarlo.noise.brownian import Noise
 from rattle.montecarlo.schemes.crossing import MARGIN_SDS
 from rattle.montecarlo.schemes.short_flight import kick
-from rattle.montecarlo.schemes.step_state import Progress, Quiet, Scratch, copy_state
+from rattle.montecarlo.schemes.step_state import (
+    FREE,
+    GROUP,
+    HELD,
+    LEFT,
+    STICKING,
+    TOP,
+    TOUCHING,
+    UNSHAKEN,
+    Progress,
+    Quiet,
+    Scratch,
+    copy_state,
+)
 from rattle.scene import Constants, Floats, Ints
 from rattle.scene.compiled import inline, internal, lean_internal, not_inlined
 from rattle.scene.drive import most_modulation, most_velocity, velocity_acceleration
-from rattle.scene.flight import flow, wheel_speeds
+from rattle.scene.flight import flow
 from rattle.scene.sticking import (
     DRIVER,
-    as_bodies,
     close,
     contact_motion,
     find_sticking,
+    list_open,
     lock,
-    open_meshes,
     put_open,
     take_open,
+    write_bodies,
 )
+from rattle.scene.types import Bodies
 
 # bound on the rate of fast impacts at a closed mesh, over ``exp(-tail w)``, in its units of time:
 # 0.2 to 1.2 for restitutions up to 0.9 and speeds of 4 to 8 units, in 4e5 units of time each
@@ -102,15 +116,7 @@ def find_closed(c: Constants, at: Progress, scratch: Scratch, quiet: Quiet) -> t
     return above >= 0.0, above
 
 
-class Slow(NamedTuple):
-    """The meshes of a path that may be closed; arrays by mesh."""
-
-    sides: Ints  # of the nearest wall
-    distance: Floats  # to it
-    touches: Ints  # the side of a mesh that rests at its wall or bounces there slowly, else 0
-
-
-@internal
+@lean_internal
 def _close_slow(c: Constants, at: Progress, scratch: Scratch, quiet: Quiet) -> float:
     """Write the meshes that are closed into the scratch; the bound on the rate of fast impacts that
     are not followed there, or -1 where none is closed."""
@@ -123,67 +129,81 @@ def _close_slow(c: Constants, at: Progress, scratch: Scratch, quiet: Quiet) -> f
     put_all(scratch.unfollowed[0], 0.0)
     put_all(scratch.unfollowed[1], 0.0)
     s = scratch.state
-    slow = _find_slow(c, at.tau, scratch, quiet.speed)
-    closed = slow.touches
-    if not is_any(closed):
+    bodies = scratch.bodies
+    touching = scratch.choices[TOUCHING]
+    sticking = scratch.choices[STICKING]
+    _find_touching(c, at.tau, scratch, quiet.speed)
+    if not is_any(touching):
         return -1.0
     if quiet.speed > 0.0:
-        closed = _leave_shaken(c, slow.touches, find_sticking(c, at.tau, s, slow.touches))
-        above = _hold_quiet(c, at, slow, closed, spread, scratch, quiet)
+        find_sticking(c, at.tau, s, touching, sticking, bodies)
+        _leave_shaken(c, scratch)
+        above = _hold_quiet(c, at, spread, scratch, quiet)
         if above >= 0.0:
             return above
-    still = np.zeros(c.wheels.size, np.int64)
-    for i in range(still.size):
-        if s[2 * i + 1] == 0.0 and slow.distance[i] == 0.0:
-            still[i] = slow.sides[i]
-    closed = find_sticking(c, at.tau, s, still)
-    leave_lifted(c, at, s, closed, spread)
-    copy_state(scratch.sides, closed)
-    return 0.0 if is_any(closed) else -1.0
+    for i in range(c.wheels.size):
+        side, distance = _nearest_wall(scratch, i)
+        rests = s[2 * i + 1] == 0.0 and distance == 0.0
+        touching[i] = side if rests else 0
+    find_sticking(c, at.tau, s, touching, sticking, bodies)
+    leave_lifted(c, at, s, sticking, spread, bodies)
+    copy_state(scratch.sides, sticking)
+    return 0.0 if is_any(sticking) else -1.0
 
 
-@internal
-def _find_slow(c: Constants, tau: float, scratch: Scratch, speed: float) -> Slow:
-    """The meshes that rest at their wall, or bounce there below a speed, pressed by what acts on
-    them while those above them touch."""
-    n = c.wheels.size
-    sides = np.zeros(n, np.int64)
-    distance = np.empty(n)
-    touches = np.zeros(n, np.int64)
-    for i in range(n):
-        x = scratch.state[2 * i]
+@inline
+def _nearest_wall(scratch: Scratch, i: int) -> tuple[int, float]:
+    """The side of the wall that is nearest in a gap, and the distance to it."""
+    x = scratch.state[2 * i]
+    above = scratch.walls[2 * i] - x
+    below = scratch.walls[2 * i + 1] + x
+    return (1, above) if above <= below else (-1, below)
+
+
+@lean_internal
+def _find_touching(c: Constants, tau: float, scratch: Scratch, speed: float) -> None:
+    """Write the meshes that rest at their wall, or bounce there below a speed, pressed by what acts
+    on them while those above them touch."""
+    touching = scratch.choices[TOUCHING]
+    put_all(touching, 0)
+    changed = True
+    for i in range(c.wheels.size):
         y = scratch.state[2 * i + 1]
-        above = scratch.walls[2 * i] - x
-        below = scratch.walls[2 * i + 1] + x
-        sides[i] = 1 if above <= below else -1
-        distance[i] = min(above, below)
         if abs(y) > speed:
             continue
-        push = sides[i] * contact_motion(c, tau, scratch.state, touches)[i]
-        bounces = push > 0.0 and y * y + 2.0 * push * distance[i] <= speed * speed
-        if bounces or (y == 0.0 and distance[i] == 0.0):
-            touches[i] = sides[i]
-    return Slow(sides, distance, touches)
+        if changed:
+            contact_motion(c, tau, scratch.state, touching, scratch.bodies)
+            changed = False
+        side, distance = _nearest_wall(scratch, i)
+        push = side * scratch.bodies[i].push
+        bounces = push > 0.0 and y * y + 2.0 * push * distance <= speed * speed
+        if bounces or (y == 0.0 and distance == 0.0):
+            touching[i] = side
+            changed = True
 
 
-@internal
-def _leave_shaken(c: Constants, touches: Ints, closed: Ints) -> Ints:
-    """The closed meshes, without those of a wheel that also touches at a mesh that is not closed:
-    every impact there shakes them."""
-    kept = closed.copy()
-    for i in range(closed.size):
-        if touches[i] == 0 or closed[i] != 0:
+@lean_internal
+def _leave_shaken(c: Constants, scratch: Scratch) -> None:
+    """Write the meshes that stick, without those of a wheel that also touches at a mesh that does
+    not: every impact there shakes them."""
+    touching = scratch.choices[TOUCHING]
+    sticking = scratch.choices[STICKING]
+    kept = scratch.choices[UNSHAKEN]
+    copy_state(kept, sticking)
+    for i in range(kept.size):
+        if touching[i] == 0 or sticking[i] != 0:
             continue
         parent = c.wheels[i].parent
-        for j in range(closed.size):
+        for j in range(kept.size):
             other = c.wheels[j].parent
             if other == i or j == parent or (other == parent and parent >= 0):
                 kept[j] = 0
-    return kept
 
 
-@internal
-def leave_lifted(c: Constants, at: Progress, s: Floats, closed: Ints, spread: float) -> None:
+@lean_internal
+def leave_lifted(
+    c: Constants, at: Progress, s: Floats, closed: Ints, spread: float, bodies: Bodies
+) -> None:
     """Open all meshes at rest if one of them is not held by more than what noise could overcome
     over the time left (`MARGIN_SDS` sds of it).
 
@@ -199,21 +219,21 @@ def leave_lifted(c: Constants, at: Progress, s: Floats, closed: Ints, spread: fl
     by the share of the wheel in M, and hold a light wheel that carries heavy ones although noise
     lifts it in every other step.
     """
-    bodies = lock(c, closed)
+    contact_motion(c, at.tau, s, closed, bodies)
     lift = MARGIN_SDS * spread / math.sqrt(at.left)
-    pushes = contact_motion(c, at.tau, s, closed)
     lifted = False
     for i in range(closed.size):
         if closed[i] == 0:
             continue
         wheel = c.wheels[i]
-        noise = wheel.turn * most_modulation(c.drive, bodies.beta[i])
-        if bodies.root[i] != DRIVER:
-            apart = abs(bodies.beta[bodies.root[i]] - bodies.beta[i])
+        body = bodies[i]
+        noise = wheel.turn * most_modulation(c.drive, body.beta)
+        if body.root != DRIVER:
+            apart = abs(bodies[body.root].beta - body.beta)
             noise = wheel.turn * apart * most_velocity(c.drive)
         # pushes are accelerations of the gap alone
-        noise *= bodies.mass[i] / (wheel.mass * (1.0 - wheel.share))
-        lifted = lifted or pushes[i] <= lift * noise
+        noise *= body.mass / (wheel.mass * (1.0 - wheel.share))
+        lifted = lifted or body.push <= lift * noise
     if lifted:
         put_all(closed, 0)
 
@@ -231,57 +251,70 @@ class Bounce(NamedTuple):
     more: float
 
 
-@internal
-def _bounce(c: Constants, at: Progress, s: Floats, i: int, side: int, moving: bool) -> Bounce:
+class Driver(NamedTuple):
+    """Velocity and acceleration of the driver, relative to its amplitude, at the start of the time
+    left and at its end."""
+
+    first: float
+    second: float
+    end_first: float
+    end_second: float
+
+
+@lean_internal
+def _bounce(
+    c: Constants, driver: Driver, scratch: Scratch, i: int, side: int, moving: bool
+) -> Bounce:
     """The motion at a closed mesh: that of its wheel towards the driver, or, where the body with
     its parent is `moving`, of both towards each other."""
     wheel = c.wheels[i]
-    u = wheel_speeds(c, at.tau, s)
-    first, second = velocity_acceleration(c.drive, at.tau)
-    end_first, end_second = velocity_acceleration(c.drive, at.tau + at.left)
-    pull = wheel.beta * u[i] + wheel.gamma
+    u = scratch.bodies[i].speed
+    pull = wheel.beta * u + wheel.gamma
     if not moving:
         towards = side * wheel.sign
-        m = wheel.turn * (second + wheel.beta * first)
-        end_m = wheel.turn * (end_second + wheel.beta * end_first)
-        speed = wheel.turn * c.alpha * first - u[i]
-        push = towards * (pull + wheel.turn * c.alpha * second)
+        m = wheel.turn * (driver.second + wheel.beta * driver.first)
+        end_m = wheel.turn * (driver.end_second + wheel.beta * driver.end_first)
+        speed = wheel.turn * c.alpha * driver.first - u
+        push = towards * (pull + wheel.turn * c.alpha * driver.second)
         later = towards * (wheel.gamma + c.alpha * end_m)
         half = 0.5 * wheel.mass
         return Bounce(wheel.mass, speed, push, later, half * m * m, half * end_m * end_m)
     # the common speed of both wheels hardly changes
     parent = c.wheels[wheel.parent]
-    others = wheel.ratio * (parent.beta * u[wheel.parent] + parent.gamma)
-    end_pull = wheel.beta * wheel.ratio * u[wheel.parent] + wheel.gamma
+    by_parent = scratch.bodies[wheel.parent].speed
+    others = wheel.ratio * (parent.beta * by_parent + parent.gamma)
+    end_pull = wheel.beta * wheel.ratio * by_parent + wheel.gamma
     mass = wheel.mass * (1.0 - wheel.share)
-    m = wheel.first * first
-    end_m = wheel.first * end_first
+    m = wheel.first * driver.first
+    end_m = wheel.first * driver.end_first
     push = side * (others - pull)
     later = side * (others - end_pull)
     half = 0.5 * mass
-    return Bounce(mass, s[2 * i + 1], push, later, half * m * m, half * end_m * end_m)
+    rate = scratch.state[2 * i + 1]
+    return Bounce(mass, rate, push, later, half * m * m, half * end_m * end_m)
 
 
-@internal
-def _hold_quiet(
-    c: Constants,
-    at: Progress,
-    slow: Slow,
-    closed: Ints,
-    spread: float,
-    scratch: Scratch,
-    quiet: Quiet,
-) -> float:
+@lean_internal
+def _hold_quiet(c: Constants, at: Progress, spread: float, scratch: Scratch, quiet: Quiet) -> float:
     """Hold meshes that noise moves too little to be followed, of those that would stick; the bound
     on the rate of fast impacts, or -1 where none is held.
 
     All that is locked to the driver behind one mesh of it is held together, or that mesh alone, or
     not; of moving bodies those of two wheels.
     """
+    closed = scratch.choices[UNSHAKEN]
+    held = scratch.choices[HELD]
+    group = scratch.choices[GROUP]
+    top = scratch.choices[TOP]
+    bodies = scratch.bodies
     n = closed.size
-    held = np.zeros(n, np.int64)
-    bodies = lock(c, closed)
-    top = np.empty(n, np.int64)
+    put_all(held, 0)
+    if not is_any(closed):
+        return -1.0
+    lock(c, closed, bodies)
+    first, second = velocity_acceleration(c.drive, at.tau)
+    end_first, end_second = velocity_acceleration(c.drive, at.tau + at.left)
+    driver = Driver(first, second, end_first, end_second)
     total = 0.0
     for i in range(n):
         parent = c.wheels[i].parent
@@ -289,21 +322,22 @@ def _hold_quiet(
     for i in range(n):
         if closed[i] == 0:
             continue
-        group = np.zeros(n, np.int64)
-        moving = bodies.root[i] != DRIVER
+        put_all(group, 0)
+        root = bodies[i].root
+        moving = root != DRIVER
         count = 0
         for j in range(n):
-            together = bodies.root[j] == bodies.root[i] and (moving or top[j] == i)
+            together = bodies[j].root == root and (moving or top[j] == i)
             if closed[j] != 0 and together:
                 group[j] = closed[j]
                 count += 1
         if (moving and count > 1) or (not moving and top[i] != i):
             continue
-        above = _bound_fast(c, at, slow, group, moving, spread, scratch, quiet)
+        above = _bound_fast(c, at.left, driver, moving, spread, scratch, quiet)
         if above < 0.0 and count > 1:
             put_all(group, 0)
             group[i] = closed[i]
-            above = _bound_fast(c, at, slow, group, moving, spread, scratch, quiet)
+            above = _bound_fast(c, at.left, driver, moving, spread, scratch, quiet)
         if above >= 0.0:
             total += above
             for j in range(n):
@@ -318,12 +352,11 @@ def _hold_quiet(
     return total
 
 
-@internal
+@lean_internal
 def _bound_fast(
     c: Constants,
-    at: Progress,
-    slow: Slow,
-    group: Ints,
+    left: float,
+    driver: Driver,
     moving: bool,
     spread: float,
     scratch: Scratch,
@@ -337,6 +370,7 @@ def _bound_fast(
     those at the start of the time left and at its end, whichever is worse.  An impact at a mesh
     moves one wheel alone, and the next mesh closes 1 + epsilon times faster.
     """
+    group = scratch.choices[GROUP]
     push = math.inf
     later = math.inf
     square = 0.0  # of the noise that moves a mesh
@@ -349,19 +383,19 @@ def _bound_fast(
             continue
         limit /= 1.0 + c.wheels[i].epsilon if count > 0 else 1.0
         count += 1
-        b = _bounce(c, at, scratch.state, i, group[i], moving)
+        b = _bounce(c, driver, scratch, i, group[i], moving)
         push = min(push, b.push)
         later = min(later, b.later)
         square = max(square, 2.0 * spread * spread * max(b.power, b.more) / b.mass)
         fastest = max(fastest, abs(scratch.state[2 * i + 1]))
         epsilon = max(epsilon, c.wheels[i].epsilon)
-        motion = 0.5 * b.speed * b.speed + b.push * slow.distance[i]
+        motion = 0.5 * b.speed * b.speed + b.push * _nearest_wall(scratch, i)[1]
         scratch.unfollowed[0, i] = b.mass * motion
         scratch.unfollowed[1, i] = 0.5 * spread * spread * (b.power + b.more)
     least = min(push, later)
     if least <= 0.0:
         return -1.0
-    slope = abs(later - push) / at.left
+    slope = abs(later - push) / left
     cube = least * least * least
     lasts = quiet.relaxed * square * slope <= cube
     if not lasts or 2.0 * fastest * slope > STEADY_PRESS * (1.0 - epsilon) * least * least:
@@ -386,16 +420,32 @@ def add_closed(closed: Floats, p: int, scratch: Scratch, time: float, above: flo
     closed[n + 1, p] += above * time
 
 
-@internal
+@lean_internal
 def close_meshes(c: Constants, scratch: Scratch) -> None:
     """Put the closed meshes of a path on their walls, in its state."""
     not_inlined()
+    close(c, scratch.state, scratch.sides, scratch.walls, scratch.bodies)
+
+
+@lean_internal
+def leave_bodies(c: Constants, scratch: Scratch) -> int:
+    """Write the bodies that the closed meshes of a path leave, and the open meshes; returns how
+    many there are.
+
+    Paths come with the same closed meshes step by step: the bodies are kept until others close.
+    """
+    not_inlined()
     sides = scratch.sides
-    places = np.zeros(sides.size)
+    count = list_open(sides, scratch.choices[FREE])
+    left = scratch.choices[LEFT]
+    same = True
     for i in range(sides.size):
-        if sides[i] != 0:
-            places[i] = scratch.walls[2 * i] if sides[i] > 0 else -scratch.walls[2 * i + 1]
-    copy_state(scratch.state, close(c, scratch.state, sides, places))
+        same = same and sides[i] == left[i]
+    if not same:
+        free = scratch.choices[FREE, :count]
+        write_bodies(c, sides, free, scratch.bodies, scratch.wheels_beside[:count])
+        copy_state(left, sides)
+    return count
 
 
 @lean_internal
@@ -420,10 +470,13 @@ def stick_to_end(c: Constants, at: Progress, scratch: Scratch) -> Progress:
     """The path at the end of its step, with some meshes closed until then."""
     not_inlined()
     close_meshes(c, scratch)
-    free = open_meshes(scratch.sides)
-    c = as_bodies(c, scratch.sides)
-    s = take_open(scratch.state, free)
-    walls = take_open(scratch.walls, free)
+    count = leave_bodies(c, scratch)
+    free = scratch.choices[FREE, :count]
+    c = Constants(c.alpha, c.sigma, scratch.wheels_beside[:count], c.drive, c.memory)
+    s = np.empty(2 * free.size)
+    walls = np.empty(2 * free.size)
+    take_open(scratch.state, free, s)
+    take_open(scratch.walls, free, walls)
     after = flow(c, at.tau, s, at.left)
     pushed = np.empty(s.size)
     kick(c, at.tau, at.left, at.noise.increment, at.noise.area, scratch.series, pushed)
@@ -435,5 +488,5 @@ def stick_to_end(c: Constants, at: Progress, scratch: Scratch) -> Progress:
         x, y = stop_at_wall(x, y, s[2 * i + 1], at.left, high, low)
         after[2 * i] = x
         after[2 * i + 1] = y
-    copy_state(scratch.state, put_open(scratch.state, free, after))
+    put_open(scratch.state, free, after)
     return Progress(0, at.tau + at.left, 0.0, Noise(0.0, 0.0))

@@ -22,6 +22,7 @@ from rattle.scene.sticking import (
     open_meshes,
     take_open,
 )
+from rattle.scene.types import BODY
 
 IMPACTS = 40
 
@@ -128,8 +129,11 @@ def test_the_meshes_that_stick_are_the_one_set_in_which_all_contacts_push():
         state = np.zeros((states, 12))
         state[:, ::2] = 0.5 * touching.T
         state[:, 1::2] = y.T
-        found = [find_sticking(c, *row) for row in zip(tau, state, touching.T, strict=True)]
-        assert np.array_equal(np.transpose(found), expected)
+        found = np.empty((states, 6), np.int64)
+        bodies = np.empty(6, BODY)
+        for row, closed in zip(zip(tau, state, touching.T, strict=True), found, strict=True):
+            find_sticking(c, *row, closed, bodies)
+        assert np.array_equal(found.T, expected)
         heavier = replace(scene.wheels[0], mass=1.0 / 1.1)
         wrong = replace(scene, wheels=(heavier, *scene.wheels[1:])).constants
         seen += (enumerate_sticking(gearbox(wrong), tau, y, touching) != expected).sum()
@@ -230,7 +234,8 @@ def test_chatter_beside_a_closed_mesh_takes_as_long_as_its_impacts_one_by_one():
     assert orbit.after[k, :2].tolist() == [0.5, 0.0]
     closed = np.array([1, 0, 0])
     bodies = as_bodies(orbit.constants, closed)
-    state = take_open(orbit.after[k], open_meshes(closed))
+    state = np.empty(4)
+    take_open(orbit.after[k], open_meshes(closed), state)
     tau = float(orbit.tau[k])
     while abs(state[3]) > 1e-13:
         t, mesh, _, state = next_impact(bodies, tau, state, 1.0)
