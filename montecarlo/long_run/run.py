@@ -16,7 +16,7 @@ import numpy as np
 from scipy.special import fdtri, stdtrit
 
 from rattle.montecarlo.kernel.blocks import HOUR, clock
-from rattle.montecarlo.long_run.estimates import StationaryEstimate, all_names, estimates
+from rattle.montecarlo.long_run.estimates import StationaryEstimate, check_quantity, estimates
 from rattle.montecarlo.long_run.paths import PATH_BATCHES, STATIONARY_PERIODS, LongPaths, warm_up
 from rattle.montecarlo.long_run.result import BurnIn, Contrast, LongReach, LongRun
 from rattle.montecarlo.long_run.scatter import error_share
@@ -32,7 +32,7 @@ from rattle.montecarlo.long_run.walk import Walk
 from rattle.montecarlo.looks import begin_budget, grow
 from rattle.montecarlo.schemes.quiet import quiet_of
 from rattle.montecarlo.settings import check_settings
-from rattle.scene import Floats, InputError, Scene, choice, count, duration_text, positive
+from rattle.scene import Floats, InputError, Scene, count, duration_text, positive
 from rattle.scene.errors import non_negative
 from rattle.scene.progress import ESTIMATES, ProgressBar, do
 
@@ -378,7 +378,7 @@ def check_long_run(
     check_settings(scene, paths, 1, None, "exact-flight", rng, workers)
     count("paths", paths, least=16)
     for name in quantities:
-        choice("quantities", name, all_names(scene.stages))
+        check_quantity("quantities", name, scene.stages)
     if accuracy is not None and periods is not None:
         raise InputError("periods", periods, "is chosen by accuracy; leave out one of them")
     if periods is not None:
