@@ -186,11 +186,7 @@ def settle(paths: LongPaths, burn_in: int | None) -> BurnIn:
         ):
             return BurnIn(paths.periods, moved, differ, True)
         if impacts == 0.0 and paths.periods >= FIRST_DRIFT and paths.at_rest():
-            why = "comes to rest: a mesh stays closed, and no impact was seen"
-            rest = AtRest("scene", paths.scene.sigma, why)
-            rest.watched = len(main), 2 * quarter * paths.length
-            rest.left_out = paths.left_out()
-            raise rest
+            raise _make_rest(paths, 2 * quarter * paths.length)
         room = paths.limit.remaining - paths.reserve
         if limited and (paths.periods < until or room < 2.0 * (clock() - began)):
             return BurnIn(paths.periods, moved, differ, False)
@@ -198,6 +194,15 @@ def settle(paths: LongPaths, burn_in: int | None) -> BurnIn:
             raise refusal(paths.elapsed, moved, differ, before, impacts)
         before = moved
         until = 2 * until
+
+
+def _make_rest(paths: LongPaths, periods: int) -> AtRest:
+    """The error for paths that had no impact in so many periods."""
+    why = "comes to rest: a mesh stays closed, and no impact was seen"
+    rest = AtRest("scene", paths.scene.sigma, why)
+    rest.watched = len(paths.main), periods
+    rest.left_out = paths.left_out()
+    return rest
 
 
 def refusal(
@@ -469,6 +474,9 @@ def _settle_and_gather(
         settled = settle(followed, burn_in)
         _pilot(followed)
         reach = _gather(followed, goal, periods, quantities)
+        # a budget may end before the burn-in could tell
+        if not followed.main[:, :, NUMBER].any() and followed.at_rest():
+            raise _make_rest(followed, followed.periods)
         late = _late_drift(followed)
         ended = limit.remaining < BURN_IN_SHARE * limit.seconds
         if late.reached or burn_in is not None or not settled.reached or ended:
