@@ -36,7 +36,7 @@ JSON_UNITS = (
     "Units of --json: dimensionless, or physical for a scene with [gears]. [default: dimensionless]"
 )
 STEP_BIAS = "Measure the bias of an Euler-Maruyama step, with --paths (two thirds more work)."
-COMPARED_HELP = "Closure to compare; repeatable. [default: all]"
+COMPARED_HELP = "Closure to compare; repeatable. [default: all that can be applied]"
 QUANTITY_HELP = (
     "Quantity that the accuracy is for; repeatable. [default: rate_above, speed_above,"
     " energy_per_period]"
@@ -272,7 +272,7 @@ def stationary(
     reached: the budget ended, or only more gear sets would help.
     """
     from rattle.compare.chaos.sweep import stationary_bifurcation, vary
-    from rattle.compare.stationary.verdicts import CLOSURES_JUDGED
+    from rattle.compare.stationary.verdicts import default_closures
     from rattle.montecarlo.long_run.run import ASKED
 
     check_units(units or "dimensionless", base.gears)
@@ -293,7 +293,7 @@ def stationary(
     if settings["budget"] is None and settings["periods"] is None:
         settings["budget"] = STATIONARY_BUDGET
     settings["quantities"] = list(quantities or ASKED)
-    settings["closures"] = [] if no_closures else list(closures or CLOSURES_JUDGED)
+    settings["closures"] = [] if no_closures else list(closures or default_closures(base))
     if at:
         do(f"stationary: bifurcation diagram at {len(at)} values of {field}")
     view = stationary_bifurcation(scenes, field, seed=seed, workers=workers) if at else None

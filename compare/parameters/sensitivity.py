@@ -30,7 +30,7 @@ from rattle.compare.study.parameters import (
     choose_parameters,
 )
 from rattle.montecarlo.kernel.blocks import Budget
-from rattle.montecarlo.long_run.estimates import all_names
+from rattle.montecarlo.long_run.estimates import check_quantity
 from rattle.montecarlo.looks import begin_budget
 from rattle.montecarlo.seed import Rng, read_whole_seed
 from rattle.montecarlo.statistics.intervals import CONFIDENCE, half_width, tail_of
@@ -248,7 +248,7 @@ def sensitivity(
     chosen_names = default_quantities(scene.stages) if quantities is None else quantities
     asked = list(dict.fromkeys(chosen_names))
     for name in asked:
-        choice("quantities", name, all_names(scene.stages))
+        check_quantity("quantities", name, scene.stages)
     chosen = choose_parameters(scene, parameters)
     positive("accuracy", accuracy)
     positive("slow", slow)

@@ -8,6 +8,8 @@ import tomllib
 from importlib.resources import files
 from typing import Any
 
+import pandas as pd
+
 from rattle.scene import Gears, InputError, Scene
 
 
@@ -52,6 +54,11 @@ def label_quantity(scene: Scene, quantity: str) -> str:
     # a study may have scenes of more wheels than its own
     label = wheel_label(scene, int(mesh)) if mesh and int(mesh) <= scene.stages else mesh
     return f"{name}_mesh{label}" if mesh else name
+
+
+def label_quantities(scene: Scene, rows: pd.DataFrame) -> pd.DataFrame:
+    """Rows whose quantities have the names of the wheels at their meshes, as a page shows them."""
+    return rows.assign(quantity=[label_quantity(scene, name) for name in rows["quantity"]])
 
 
 def read_file(package: str, name: str) -> str:

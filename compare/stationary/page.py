@@ -13,7 +13,13 @@ from rattle.compare.judge.verdict import MARKS, Verdict
 from rattle.compare.report.render import render_sentences
 from rattle.compare.report.report import Report
 from rattle.compare.report.table import NO_VALUE, Table
-from rattle.compare.report.texts import CLOSURE_TERMS, VERDICT_TERMS, glossary, wheel_label
+from rattle.compare.report.texts import (
+    CLOSURE_TERMS,
+    VERDICT_TERMS,
+    glossary,
+    label_quantities,
+    wheel_label,
+)
 from rattle.compare.stationary.result import LEAST_EFFECTIVE, Stationary, speed_text
 from rattle.compare.stationary.verdicts import STATIONARY_TEXTS, TOLERANCES
 from rattle.montecarlo.long_run.scatter import FEWEST_SETS
@@ -65,7 +71,7 @@ def make_report(found: Stationary, view: Bifurcation | None, record: dict[str, A
     content = {
         "found": found,
         "by_mesh": tabulate_meshes(found, shown),
-        "quantities": quantities,
+        "quantities": label_quantities(found.scene, quantities),
         "slow": speed_text(found.slow, gears, units),
         "field": record["field"],
         "tolerances": TOLERANCES,
@@ -74,7 +80,7 @@ def make_report(found: Stationary, view: Bifurcation | None, record: dict[str, A
         tables["physical"] = quantities
     if len(found.verdicts):
         tables["verdicts"] = found.verdicts_in(units)
-        content["verdicts"] = _verdicts(tables["verdicts"])
+        content["verdicts"] = label_quantities(found.scene, _verdicts(tables["verdicts"]))
     if len(found.scatter):
         content["scatter"] = tables["scatter"] = found.scatter_in(units)
     if found.densities:

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import pandas as pd
 from matplotlib.figure import Figure
 
-from rattle.closure import closures_for
 from rattle.compare.engine.store import Cell, Content
 from rattle.compare.judge.verdict import JUDGED, Tolerances, Verdict, span
 from rattle.compare.report.render import render_sentences
@@ -26,6 +25,7 @@ from rattle.compare.stationary.verdicts import (
     STATIONARY_TEXTS,
     TOLERANCES,
     choose_closures,
+    default_closures,
     judge_predictions,
     predictions,
 )
@@ -241,12 +241,11 @@ def read(given: Mapping[str, Any], varying: set[str], scene: Scene) -> dict[str,
         raise InputError(
             f"study.{name}", name, "cannot vary in a study of the long run, or varies twice"
         )
-    applicable = closures_for(scene)
-    closures = given.get("closures", [name for name in CLOSURES_JUDGED if name in applicable])
+    closures = given.get("closures", default_closures(scene))
     if isinstance(closures, str | Mapping) or not hasattr(closures, "__iter__"):
         raise InputError("study.closures", closures, "give a list of " + ", ".join(CLOSURES_JUDGED))
     return {
-        "closures": choose_closures("study.closures", closures),
+        "closures": choose_closures("study.closures", closures, scene),
         "impacts": 1,
         "order": 2,
         "settings": settings,

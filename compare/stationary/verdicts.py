@@ -11,6 +11,8 @@ import numpy as np
 import pandas as pd
 from scipy.special import ndtr
 
+from rattle.closure.mean_map import closures_for
+from rattle.closure.moments import check_row
 from rattle.closure.stationary import Law, NotPredicted, branching_law, linear_law, orbit_average
 from rattle.compare.judge.verdict import judge
 from rattle.compare.report.texts import read_texts
@@ -27,6 +29,8 @@ CLOSURES_JUDGED = {
     "branching": "mixture",
 }
 """The closures, and what each takes for the stationary law."""
+
+OF_PAPER = ("published", "corrected")  # closures of its one or two wheels in a row
 
 STATIONARY_TEXTS = read_texts("stationary")
 TOLERANCES: str = STATIONARY_TEXTS["tolerances"]
@@ -53,9 +57,20 @@ VERDICT_COLUMNS = [
 HALVINGS = 80  # of an interval that holds a quantile
 
 
-def choose_closures(field: str, names: Iterable[Any]) -> tuple[str, ...]:
-    """Check names of closures that have a stationary law, each taken once."""
-    return tuple(dict.fromkeys(choice(field, name, CLOSURES_JUDGED) for name in names))
+def default_closures(scene: Scene) -> tuple[str, ...]:
+    """The closures that have a stationary law and apply to a scene."""
+    applicable = closures_for(scene)
+    return tuple(name for name in CLOSURES_JUDGED if name in applicable)
+
+
+def choose_closures(field: str, names: Iterable[Any], scene: Scene) -> tuple[str, ...]:
+    """Check names of closures that have a stationary law, each taken once; those of the paper are
+    refused for other wheels than its."""
+    chosen = tuple(dict.fromkeys(choice(field, name, CLOSURES_JUDGED) for name in names))
+    for name in OF_PAPER:
+        if name in chosen:
+            check_row(name, scene)
+    return chosen
 
 
 def laws(

@@ -36,7 +36,7 @@ from rattle.compare.validation.errors import ON_ITINERARY, RULE, TOO_FEW_FOLLOW
 from rattle.montecarlo import SCHEMES
 from rattle.montecarlo.diagnostics.reference import Simulated
 from rattle.montecarlo.kernel.blocks import in_threads
-from rattle.montecarlo.long_run.estimates import all_names
+from rattle.montecarlo.long_run.estimates import check_quantity
 from rattle.montecarlo.looks import Looks
 from rattle.montecarlo.settings import begins
 from rattle.montecarlo.statistics.intervals import AGAIN, widest
@@ -270,7 +270,7 @@ def predict_long(model: Any, scene: Scene, quantities: str | Sequence[str]) -> L
             why = f"is a moment at each impact: name it in the marker, as in {marker}"
             long_run = "check takes those of the long run, such as 'rate'"
             raise InputError("quantities", name, f"{why}; {long_run}")
-        choice("quantities", name, all_names(scene.stages))
+        check_quantity("quantities", name, scene.stages)
     if isinstance(model, str):
         label = model
         law = laws(scene, (choice("closure", model, CLOSURES_JUDGED),))[model]

@@ -19,7 +19,8 @@ from rattle.montecarlo.long_run.noise_work import CONTROLS
 from rattle.montecarlo.long_run.sums import Collected
 from rattle.montecarlo.statistics.intervals import Spread, half_width, spread
 from rattle.montecarlo.statistics.section_statistics import variance_of
-from rattle.scene import Floats
+from rattle.scene import Floats, InputError
+from rattle.scene.errors import LONGEST_QUOTE, nearest
 
 QUANTILES = (1, 5, 50, 95, 99)
 """Percentages of the quantiles."""
@@ -61,6 +62,17 @@ def all_names(wheels: int) -> tuple[str, ...]:
         *(name + suffix for _, suffix in groups(wheels) for name in GROUP_NAMES),
         *(f"{name}_share_mesh{mesh}" for name in ("contact", "open") for mesh in meshes),
     )
+
+
+def check_quantity(field: str, name: object, wheels: int) -> str:
+    """Check for the name of a quantity; what is unlike any is told those of all impacts."""
+    known = all_names(wheels)
+    if isinstance(name, str) and name in known:
+        return name
+    remedy = nearest(str(name), known)
+    if len(remedy) > LONGEST_QUOTE:
+        remedy = f"{nearest('', GROUP_NAMES)}, and with _mesh1 to _mesh{wheels} those at a mesh"
+    raise InputError(field, name, remedy)
 
 
 def corrections(sums: Floats, controls: Floats) -> Floats:

@@ -16,7 +16,7 @@ import numpy as np
 from scipy.special import fdtri, stdtrit
 
 from rattle.montecarlo.kernel.blocks import HOUR, clock
-from rattle.montecarlo.long_run.estimates import StationaryEstimate, all_names, estimates
+from rattle.montecarlo.long_run.estimates import StationaryEstimate, check_quantity, estimates
 from rattle.montecarlo.long_run.paths import PATH_BATCHES, STATIONARY_PERIODS, LongPaths, warm_up
 from rattle.montecarlo.long_run.result import BurnIn, Contrast, LongReach, LongRun
 from rattle.montecarlo.long_run.scatter import error_share
@@ -32,7 +32,7 @@ from rattle.montecarlo.long_run.walk import Walk
 from rattle.montecarlo.looks import begin_budget, grow
 from rattle.montecarlo.schemes.quiet import quiet_of
 from rattle.montecarlo.settings import check_settings
-from rattle.scene import Floats, InputError, Scene, choice, count, duration_text, positive
+from rattle.scene import Floats, InputError, Scene, count, duration_text, positive
 from rattle.scene.errors import non_negative
 from rattle.scene.progress import ESTIMATES, ProgressBar, do
 
@@ -186,11 +186,7 @@ def settle(paths: LongPaths, burn_in: int | None) -> BurnIn:
         ):
             return BurnIn(paths.periods, moved, differ, True)
         if impacts == 0.0 and paths.periods >= FIRST_DRIFT and paths.at_rest():
-            why = "comes to rest: a mesh stays closed, and no impact was seen"
-            rest = AtRest("scene", paths.scene.sigma, why)
-            rest.watched = len(main), 2 * quarter * paths.length
-            rest.left_out = paths.left_out()
-            raise rest
+            raise _make_rest(paths, 2 * quarter * paths.length)
         room = paths.limit.remaining - paths.reserve
         if limited and (paths.periods < until or room < 2.0 * (clock() - began)):
             return BurnIn(paths.periods, moved, differ, False)
@@ -198,6 +194,15 @@ def settle(paths: LongPaths, burn_in: int | None) -> BurnIn:
             raise refusal(paths.elapsed, moved, differ, before, impacts)
         before = moved
         until = 2 * until
+
+
+def _make_rest(paths: LongPaths, periods: int) -> AtRest:
+    """The error for paths that had no impact in so many periods."""
+    why = "comes to rest: a mesh stays closed, and no impact was seen"
+    rest = AtRest("scene", paths.scene.sigma, why)
+    rest.watched = len(paths.main), periods
+    rest.left_out = paths.left_out()
+    return rest
 
 
 def refusal(
@@ -378,7 +383,7 @@ def check_long_run(
     check_settings(scene, paths, 1, None, "exact-flight", rng, workers)
     count("paths", paths, least=16)
     for name in quantities:
-        choice("quantities", name, all_names(scene.stages))
+        check_quantity("quantities", name, scene.stages)
     if accuracy is not None and periods is not None:
         raise InputError("periods", periods, "is chosen by accuracy; leave out one of them")
     if periods is not None:
@@ -469,6 +474,9 @@ def _settle_and_gather(
         settled = settle(followed, burn_in)
         _pilot(followed)
         reach = _gather(followed, goal, periods, quantities)
+        # a budget may end before the burn-in could tell
+        if not followed.main[:, :, NUMBER].any() and followed.at_rest():
+            raise _make_rest(followed, followed.periods)
         late = _late_drift(followed)
         ended = limit.remaining < BURN_IN_SHARE * limit.seconds
         if late.reached or burn_in is not None or not settled.reached or ended:
