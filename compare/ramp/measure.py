@@ -413,6 +413,5 @@ def _find_thresholds(ramp: SpeedRamp, speeds: list[float]) -> pd.DataFrame:
             opens = ramp.opens(wheel, speeds[0], in_ramp)
             crossings = [(np.nan, opens)]
         rows += [(motion, wheel, rpm, opens) for rpm, opens in crossings]
-    found = pd.DataFrame(rows, columns=["motion", "wheel", "rpm", "opens"])
-    names = [ramp.scene.wheel_names[wheel - 1] for wheel in found["wheel"]]
-    return found.assign(name=names)
+    crossed = pd.DataFrame(rows, columns=["motion", "wheel", "rpm", "opens"])
+    return crossed.assign(name=[ramp.scene.wheel_names[row[1] - 1] for row in rows])
