@@ -16,11 +16,10 @@ from rattle.scene.compiled import jit
 from rattle.scene.flight import flow
 from rattle.scene.impact import MISSES, NONE, REST, strike
 from rattle.scene.orbit import (
-    LEGS,
     Impacts,
-    Leg,
     Orbit,
     begin,
+    empty_legs,
     find_chatter,
     fly,
     follow,
@@ -88,11 +87,11 @@ class LongOrbit:
         at = Impacts.empty(impacts, wheels)
         for values, last in zip(at, self.last, strict=True):
             values[0] = last[0]
-        legs: list[Leg] = []
+        legs = empty_legs(0, wheels)
         k = 0
         while self.ended > 0 and (k := fly(self.c, PERIOD, at, k)) < impacts:
-            reached = stick(self.c, PERIOD, at, k, legs, LEGS)
-            self.ended = REST if legs else min(reached, 1)
+            reached, sticking = stick(self.c, PERIOD, at, k, legs, 0)
+            self.ended = REST if sticking else min(reached, 1)
             k += self.ended > 0
         if find_chatter(self.c, at, k)[0] < math.inf:
             self.ended = REST

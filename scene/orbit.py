@@ -39,10 +39,10 @@ if TYPE_CHECKING:
 
 HORIZON = 1e4  # longest flight or sticking phase that is followed, in units of 1 / omega
 LEGS = 8  # most smooth pieces (legs) per impact; a sticking phase of one mesh takes 3
+# searches for a sticking phase of an orbit before they are compiled, which takes ten seconds, once:
+# these take a twentieth of a second
+INTERPRETED_SEARCHES = 100
 CURVE_POINTS = 40  # of a figure's curve from one leg to the next
-
-Leg = tuple[float, Floats, Ints]
-"""Time, state, and the sides on which meshes stick."""
 
 
 class Impacts(NamedTuple):
@@ -115,6 +115,7 @@ def fly(c: Constants, period: float, at: Impacts, k: int) -> int:
     return k
 
 
+@internal
 def find_chatter(c: Constants, at: Impacts, k: int) -> tuple[float, Ints]:
     """The time after impact k at which its chatter is complete, infinite where it is none, and the
     meshes that then stick."""
@@ -123,29 +124,46 @@ def find_chatter(c: Constants, at: Impacts, k: int) -> tuple[float, Ints]:
     return complete_chatter(c, float(at.tau[k]), at.after[k], int(at.mesh[k]), int(at.side[k]))
 
 
-def stick(c: Constants, period: float, at: Impacts, k: int, legs: list[Leg], room: int) -> int:
-    """Write the impact after impact k, through sticking phases, whose legs are added to the list.
+@internal
+def put_leg(legs: Floats, n: int, k: int, tau: float, state: Floats, closed: Ints) -> int:
+    """Write row n of the legs, one after impact k; returns the number of the next row."""
+    legs[n, 0] = tau
+    for i in range(state.size):
+        legs[n, 1 + i] = state[i]
+    for i in range(closed.size):
+        legs[n, 1 + state.size + i] = closed[i]
+    legs[n, 1 + state.size + closed.size] = k
+    return n + 1
 
-    Returns: Its mesh, or a code of `MISSES` where there is none. `room`: most legs that the list
-    may have.
+
+@internal
+def stick(
+    c: Constants, period: float, at: Impacts, k: int, legs: Floats, n: int
+) -> tuple[int, int]:
+    """Write the impact after impact k, through sticking phases, and their legs from row n on.
+
+    Returns: Its mesh, or a code of `MISSES` where there is none; and the next row.
     """
     tau = float(at.tau[k])
-    state = at.after[k]
+    state = at.after[k].copy()
     flight = 0.0
     closed = np.zeros(c.wheels.size, np.int64)
     t, sticking = find_chatter(c, at, k)
     if t < math.inf:
-        state = close(c, flow(c, tau, state, t), sticking, sticking * c.wheels["wall"])
+        walls = np.empty(c.wheels.size)
+        for i in range(walls.size):
+            walls[i] = sticking[i] * c.wheels[i].wall
+        state = close(c, flow(c, tau, state, t), sticking, walls)
         tau += t
         flight += t
     while True:
-        if not closed.any():
+        if not np.any(closed != 0):
             closed = find_sticking(c, tau, state, find_touching(c, state))
-        if closed.any():
-            legs.append((tau, state, closed))
+        if np.any(closed != 0):
+            n = put_leg(legs, n, k, tau, state, closed)
             t, mesh, _, state, closed = next_contact(c, tau, state, closed, HORIZON)
             if mesh == NONE:
-                return REST
+                return REST, n
         else:
             t, mesh, _, state = next_impact(c, tau, state, HORIZON)
         tau += t
@@ -154,29 +172,49 @@ def stick(c: Constants, period: float, at: Impacts, k: int, legs: list[Leg], roo
             tau = tau % period if tau >= period else tau
             put_impact(c, at, k + 1, tau, flight, mesh, state)
         if mesh != REST:
-            return mesh
-        if len(legs) + 2 >= room:
-            return LOST
-        legs.append((tau, state, closed))
+            return mesh, n
+        if n + k + 3 >= len(legs):
+            return LOST, n
+        n = put_leg(legs, n, k, tau, state, closed)
 
 
-def fill_impacts(c: Constants, at: Impacts, legs: list[Leg]) -> tuple[int, int, list[int]]:
-    """Write the impacts after the first, through sticking phases, whose legs are added to the list.
-
-    Returns: The last impact; its mesh, or a code of `MISSES` where it is the last of all; and the
-    impact before each leg.
-    """
-    impacts = at.tau.size - 1
-    room = LEGS * (impacts + 2)
-    legs_after: list[int] = []
-    k = 0
+@internal
+def _go_on(
+    c: Constants, at: Impacts, legs: Floats, k: int, n: int, most: int
+) -> tuple[int, int, int]:
+    """Write the impacts after impact k with at most so many searches for sticking phases, and their
+    legs from row n on; returns as `fill_impacts`."""
     code = 1
-    while code > 0 and (k := fly(c, math.inf, at, k)) < impacts:
-        known = len(legs)
-        code = stick(c, math.inf, at, k, legs, room - k - 1)
-        legs_after += [k] * (len(legs) - known)
-        k += code > 0
-    return k, code, legs_after
+    for _ in range(most):
+        k = fly(c, math.inf, at, k)
+        if k + 1 == at.tau.size:
+            break
+        code, n = stick(c, math.inf, at, k, legs, n)
+        if code <= 0:
+            break
+        k += 1
+    return k, code, n
+
+
+_go_on_compiled = jit(_go_on)
+
+
+def fill_impacts(c: Constants, at: Impacts, legs: Floats) -> tuple[int, int, int]:
+    """Write the impacts after the first, through sticking phases, and the legs of these.
+
+    Returns: The last impact; its mesh, or a code of `MISSES` where it is the last of all; and how
+    many legs there are.  Shapes: `legs` (room, 2 + 3 wheels), rows as of `Orbit.legs` and the
+    impact before.
+    """
+    k, code, n = _go_on(c, at, legs, 0, 0, INTERPRETED_SEARCHES)
+    if code > 0 and k + 1 < at.tau.size:
+        k, code, n = _go_on_compiled(c, at, legs, k, n, at.tau.size)
+    return k, code, n
+
+
+def empty_legs(impacts: int, wheels: int) -> Floats:
+    """Room for the legs of so many impacts, as `fill_impacts` writes them."""
+    return np.empty((LEGS * (impacts + 2), 2 + 3 * wheels))
 
 
 def begin(scene: Scene, impacts: int) -> Impacts:
@@ -404,17 +442,18 @@ def follow(scene: Scene, impacts: int) -> Orbit:
     """
     c = scene.constants
     at = begin(scene, impacts)
-    legs: list[Leg] = []
-    k, code, legs_after = fill_impacts(c, at, legs)
+    legs = empty_legs(impacts, scene.stages)
+    k, code, n = fill_impacts(c, at, legs)
     number = np.arange(k + 1)
-    wheels = c.wheels.size
-    begun = np.column_stack([at.tau[: k + 1], at.after[: k + 1], np.zeros((k + 1, wheels))])
-    place = np.searchsorted(number, legs_after, side="right")
-    rows = np.array([np.hstack(leg) for leg in legs]).reshape(-1, begun.shape[1])
-    pieces = np.insert(begun, place, rows, axis=0)
-    number = np.insert(number, place, legs_after)
+    begun = np.zeros((k + 1, legs.shape[1]))
+    begun[:, 0] = at.tau[: k + 1]
+    begun[:, 1 : 1 + at.after.shape[1]] = at.after[: k + 1]
+    begun[:, -1] = number
+    place = np.searchsorted(number, legs[:n, -1], side="right")
+    pieces = np.insert(begun, place, legs[:n], axis=0)
     stopped = "" if code > 0 else f"{MISSES[code]} after impact {k}"
-    return Orbit(c, *at, k, stopped, pieces, _sticking_phases(pieces, number))
+    phases = _sticking_phases(pieces[:, :-1], pieces[:, -1].astype(int))
+    return Orbit(c, *at, k, stopped, pieces[:, :-1], phases)
 
 
 def _sticking_phases(legs: Floats, impact: Ints) -> tuple[StickingPhase, ...]:

@@ -420,12 +420,32 @@ def close(c: Constants, s: Floats, closed: Ints, places: Floats) -> Floats:
 
 
 @internal
+def _is_slow(c: Constants, i: int, s: Floats, most: float) -> bool:
+    """Whether a mesh is as slow and as close to a wall as one that sticks together with others."""
+    wheel = c.wheels[i]
+    gap = max(wheel.wall - abs(s[2 * i]), 0.0)
+    limit = (1.0 - wheel.epsilon) * CHATTER_LIMIT
+    rate = abs(s[2 * i + 1])
+    return bool(2.0 * rate <= limit * most and 8.0 * gap <= limit * limit * most)
+
+
+@internal
 def may_chatter(c: Constants, tau: float, s: Floats, mesh: int) -> bool:
-    """Whether a mesh is left so slowly that `complete_chatter` may sum up its impacts: the speed
-    that is bounded there."""
+    """Whether `complete_chatter` may sum up the impacts at a mesh that has just been struck, where
+    no mesh is at rest: alone, or together with others that are as slow."""
+    at = mesh - 1
+    wheel = c.wheels[at]
+    limit = (1.0 - wheel.epsilon) * CHATTER_LIMIT
+    rate = abs(s[2 * at + 1])
     most = _most_acceleration(c, tau, s)
-    epsilon: float = c.wheels[mesh - 1].epsilon
-    return (1.0 - epsilon) * CHATTER_LIMIT * most >= abs(float(s[2 * mesh - 1]))
+    if rate > limit * most:
+        return False
+    for i in range(c.wheels.size):
+        if i != at and _is_slow(c, i, s, most):
+            return True
+    driver = c.alpha * motion.acceleration(c.drive, tau)
+    towards = approach(c, at, wheel_speeds(c, tau, s), driver, 0.0, 0.0)[0]
+    return bool(2.0 * rate <= limit * abs(towards))
 
 
 @internal
@@ -495,8 +515,7 @@ def complete_chatter(
         wheel = c.wheels[i]
         nearest = 1 if s[2 * i] > 0.0 else -1
         gap = max(wheel.wall - abs(s[2 * i]), 0.0)
-        limit = (1.0 - wheel.epsilon) * CHATTER_LIMIT
-        slow = 2.0 * abs(s[2 * i + 1]) <= limit * most and 8.0 * gap <= limit * limit * most
+        slow = _is_slow(c, i, s, most)
         change += approach(c, i, u, driver, force, jolt)[3]
         near[i] = nearest if slow or i == mesh - 1 else 0
         # speed that it has at its wall at most

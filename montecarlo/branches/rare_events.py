@@ -24,7 +24,7 @@ from rattle.scene.compiled import jit
 from rattle.scene.flight import flow, jacobian, noise_covariance
 from rattle.scene.impact import next_impact, strike
 from rattle.scene.linear_algebra import apply, congruence, put, put_row
-from rattle.scene.orbit import Impacts, fill_impacts, put_impact
+from rattle.scene.orbit import Impacts, empty_legs, fill_impacts, put_impact
 from rattle.scene.tangent import saltation_matrix
 
 FURTHEST = 6.0
@@ -77,7 +77,7 @@ def follow_on(c: Constants, tau: float, state: Floats, mesh: int, rows: Floats) 
     """
     at = Impacts.empty(len(rows), c.wheels.size)
     put_impact(c, at, 0, tau, math.nan, mesh, state)
-    fill_impacts(c, at, [])
+    fill_impacts(c, at, empty_legs(len(rows), c.wheels.size))
     rows[:] = np.column_stack([at.tau, at.flight, at.before, at.mesh * at.side])[1:]
 
 
