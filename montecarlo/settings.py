@@ -9,6 +9,7 @@ import numpy as np
 
 from rattle.montecarlo.kernel.block import BLOCK, Plan, sample
 from rattle.montecarlo.kernel.blocks import Blocks
+from rattle.montecarlo.kernel.kernel import columns_recorded
 from rattle.montecarlo.noise.philox import LEVELS
 from rattle.montecarlo.schemes.control_variate import linear_path, no_control
 from rattle.montecarlo.schemes.exact_flight import accurate_flight
@@ -39,7 +40,8 @@ EXACT_SCHEME = "exact-flight"
 
 MOST_PATHS = 2**40
 MOST_WORKERS = 1024
-MOST_IMPACTS_OF_A_RUN = 10_000  # a block of paths keeps every impact: 57 kB each
+# of the impacts of a path, all of which a block of paths keeps: 0.6 GB of it
+MOST_NUMBERS_OF_A_PATH = 70_000
 
 HORIZON_PER_IMPACT = 50.0
 """Default time after which a path is given up, per impact asked for; flights of DAT21 last about
@@ -153,6 +155,11 @@ def default_horizon(impacts: int, dt: float) -> float:
     return min(HORIZON_PER_IMPACT * impacts, DEFAULT_STEPS * dt)
 
 
+def most_impacts(scene: Scene) -> int:
+    """Most impacts of a path in a run: 10 000 of two wheels, and fewer the more there are."""
+    return MOST_NUMBERS_OF_A_PATH // columns_recorded(scene.stages)
+
+
 def check_settings(
     scene: Scene,
     paths: int,
@@ -166,7 +173,7 @@ def check_settings(
     """Refuse settings that `simulate` could not run, before any work."""
     check_scene(scene)
     count("paths", paths, most=MOST_PATHS)
-    count("impacts", impacts, most=MOST_IMPACTS_OF_A_RUN)
+    count("impacts", impacts, most=most_impacts(scene))
     count("workers", workers, most=MOST_WORKERS)
     choice("scheme", scheme, SCHEMES)
     read_seed(rng)

@@ -11,7 +11,7 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 
 from rattle.montecarlo import Record, Sampling, default_step, simulate
-from rattle.montecarlo.settings import MOST_IMPACTS_OF_A_RUN, is_random
+from rattle.montecarlo.settings import is_random, most_impacts
 from rattle.scene import Floats, InputError, Ints, Scene, Start, count, state_names
 from rattle.scene.orbit import Orbit, follow
 from rattle.scene.parts import move_to_flanks
@@ -232,7 +232,8 @@ def _path(
     gaps = scene.tolerance
     fixed = gaps is None or gaps.distribution == "fixed"
     in_parts = fixed and scene.correlation_time == 0.0
-    room = min(2 * impacts + 200, MOST_IMPACTS_OF_A_RUN) if in_parts else MOST_IMPACTS_OF_A_RUN
+    most = most_impacts(scene)
+    room = min(2 * impacts + 200, most) if in_parts else most
     # on the nominal flank, even where the path's own has a tolerance
     at = [np.zeros(1)]
     x = [scene.start_state[None, ::2]]
@@ -266,7 +267,7 @@ def _path(
         parts.append(rows[rows[:, 0] <= span])
         if ends:
             break
-        room = MOST_IMPACTS_OF_A_RUN
+        room = most
         if not in_parts or len(parts) * room >= MOST_FOLLOWED:
             raise refuse(f"the noisy path has over {sum(map(len, parts))} impacts; ask for fewer")
         begin = float(rows[-1, 0])

@@ -6,18 +6,19 @@ import pandas as pd
 
 from rattle.compare.report.finding import Finding
 from rattle.compare.report.render import render_sentences
-from rattle.compare.report.texts import read_texts
+from rattle.compare.report.texts import read_texts, wheel_label
 from rattle.montecarlo.looks import BUDGET_ENDED
+from rattle.scene import Scene
 from rattle.scene.numpy_errors import numpy_defaults
 
 PARAMETER_TEXTS = read_texts("parameters")
 
 
-def quantity_words(quantity: str) -> str:
-    """A quantity in words."""
+def quantity_words(scene: Scene, quantity: str) -> str:
+    """A quantity of a scene in words."""
     kind, _, mesh = quantity.partition("_mesh")
     words = PARAMETER_TEXTS["quantities"].get(kind, f"`{kind}`")
-    return f"{words} at mesh {mesh}" if mesh else str(words)
+    return f"{words} at mesh {wheel_label(scene, int(mesh))}" if mesh else str(words)
 
 
 def by_error(rows: pd.DataFrame) -> pd.DataFrame:

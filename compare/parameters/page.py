@@ -97,4 +97,4 @@ def _tornados(found: Sensitivity) -> dict[str, Figure]:
         groups["by_mesh" if "_mesh" in name else "sensitivity"].append(name)
     if not all(groups.values()):
         groups = {"sensitivity": list(found.values.index)}
-    return {name: tornado(found.table, group) for name, group in groups.items()}
+    return {name: tornado(found, group) for name, group in groups.items()}

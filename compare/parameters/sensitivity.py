@@ -5,6 +5,7 @@ import math
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -124,7 +125,7 @@ class Sensitivity(Finding):
             values=self.values,
             said=self.said,
             change=PERCENT,
-            quantity_words=quantity_words,
+            quantity_words=partial(quantity_words, self.scene),
             words_of_value=words_of_value,
         )
 
@@ -160,7 +161,7 @@ class Sensitivity(Finding):
         """
         from rattle.compare.parameters.figures import tornado
 
-        return tornado(self.table, list(self.values.index))
+        return tornado(self, list(self.values.index))
 
 
 def default_quantities(wheels: int) -> tuple[str, ...]:

@@ -413,4 +413,6 @@ def _find_thresholds(ramp: SpeedRamp, speeds: list[float]) -> pd.DataFrame:
             opens = ramp.opens(wheel, speeds[0], in_ramp)
             crossings = [(np.nan, opens)]
         rows += [(motion, wheel, rpm, opens) for rpm, opens in crossings]
-    return pd.DataFrame(rows, columns=["motion", "wheel", "rpm", "opens"])
+    found = pd.DataFrame(rows, columns=["motion", "wheel", "rpm", "opens"])
+    names = [ramp.scene.wheel_names[wheel - 1] for wheel in found["wheel"]]
+    return found.assign(name=names)

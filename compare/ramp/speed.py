@@ -76,10 +76,14 @@ class SpeedRamp:
     def rim_acceleration(self) -> float:
         """Acceleration of the driver's pitch circle in the ramp, mm/s^2."""
         rad_s2 = SPEEDS["speed_rpm"] * (self.last - self.first) / self.seconds
-        return float(self.gears.values["driver_radius"]) * rad_s2
+        # gears of any number of wheels may have it with the first of them
+        radius = self.gears.values.get("driver_radius") or self.gears.tree[0].parent_radius
+        assert radius is not None  # no mean speed is taken without it
+        return float(radius) * rad_s2
 
     def added_gamma(self, gears: Gears) -> float:
-        """What the acceleration of the mean rotation adds to the drag of a wheel on the driver."""
+        """What the acceleration of the mean rotation adds to the drag of a wheel, over its turn:
+        the ratio of the speeds of its rim and the driver's."""
         return self.rim_acceleration / (gears.units.length * gears.omega**2)
 
     def added_torque(self, wheel: int) -> float:

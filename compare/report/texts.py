@@ -45,6 +45,14 @@ def name_wheels(scene: Scene) -> list[str]:
     return [f"Wheel {meshes}. Mesh and stage 1, x1 and y1 are those of wheel 1, and so on."]
 
 
+def label_quantity(scene: Scene, quantity: str) -> str:
+    """The name of a quantity, and the name of the wheel at its mesh: "power_mesh2 (shaft)"."""
+    name, _, mesh = quantity.partition("_mesh")
+    # a study may have scenes of more wheels than its own
+    label = wheel_label(scene, int(mesh)) if mesh and int(mesh) <= scene.stages else mesh
+    return f"{name}_mesh{label}" if mesh else name
+
+
 def read_file(package: str, name: str) -> str:
     """The text of a file in a folder of `rattle.compare`."""
     return files("rattle.compare").joinpath(*package.split("."), name).read_text(encoding="utf-8")

@@ -134,13 +134,15 @@ def finish_inside(
             scratch.whole[i] = lanes.state[i, p]
     known = True
     forced = 0
-    for met in range(MOST_IN_A_STEP + 2):
+    # meshes of several wheels chatter side by side; one or two in a row share their impacts
+    most = MOST_IN_A_STEP * (scratch.wheels if scratch.wheels > 2 else 1)
+    for met in range(most + 2):
         if at.left <= 0.0 or lanes.impacts[p] >= enough:
             break
         for i in range(states):
             scratch.walls[i] = lanes.walls[i, p]
         closed, above = find_sticking(job.c, at, scratch, job.quiet)
-        if met > MOST_IN_A_STEP:
+        if met > most:
             close_only(forced, scratch)
             closed = True
             above = 0.0
@@ -151,10 +153,10 @@ def finish_inside(
         if closed:
             add_closed(room.closed, p, scratch, left - at.left, above)
             sticking = True
-        if at.code != 0 and met == MOST_IN_A_STEP:
+        if at.code != 0 and met == most:
             forced = at.code
             at = Progress(0, at.tau, at.left, at.noise)
-        elif at.code != 0 and met > MOST_IN_A_STEP:
+        elif at.code != 0 and met > most:
             close_only(at.code, scratch)
             at = stick_to_end(job.c, at, scratch)
             sticking = True

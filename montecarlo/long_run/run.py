@@ -291,8 +291,9 @@ def _gather(
                 " that it may take as budget"
             )
             raise InputError("accuracy", goal, why)
-        paths.expect(PERIODS_SPARE * more)
         most = PERIODS_GROWTH * before
+        # none can be expected where no impact was seen
+        paths.expect(PERIODS_SPARE * more if math.isfinite(more) else most)
         paths.follow(min(grow(before, min(need, most), PERIODS_SPARE), most))
         if paths.periods == before:
             return LongReach(goal, worst, width, more * paths.pace)

@@ -67,6 +67,9 @@ MOST_CUTS = 1000  # per step; then the path is clipped to its walls
 TICK = 5e-16
 # random numbers of one call of `advance_exactly`, of those that are reserved for a step
 CUTS_APART = SPLITS // Word(MOST_IN_A_STEP + 1)
+CALLS = MOST_IN_A_STEP + 2  # calls that these serve
+# of the index of a random number: more calls, for more than two wheels, have it in the bits above
+MORE_CALLS = Word(58)
 
 
 CARRY = 0
@@ -346,7 +349,8 @@ def _advance(
     walls = inside.scratch.walls
     s = inside.scratch.state
     end = inside.scratch.end
-    index = Word(inside.step) * SPLITS + CUTS_APART * Word(met)
+    index = Word(inside.step) * SPLITS + CUTS_APART * Word(met % CALLS)
+    index += Word(met // CALLS) << MORE_CALLS
     tau = at.tau
     left = at.left
     code, lead, _ = _due(c, s, walls)

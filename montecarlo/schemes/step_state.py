@@ -8,8 +8,8 @@ from rattle.scene import Constants, Floats, Ints
 from rattle.scene.compiled import inline, lean_internal
 
 MOST_IN_A_STEP = 64
-"""Most impacts of a path in a step; then the struck mesh stays closed to the end of the step, which
-is counted."""
+"""Most impacts of a path in a step, of three wheels or more for each of them; then the struck mesh
+stays closed to the end of the step, which is counted."""
 
 SPLITS = Word(1 << 16)
 """Indices of random numbers reserved for the splits of one step."""

@@ -185,7 +185,20 @@ def _leave_shaken(c: Constants, touches: Ints, closed: Ints) -> Ints:
 @internal
 def leave_lifted(c: Constants, at: Progress, s: Floats, closed: Ints, spread: float) -> None:
     """Open all meshes at rest if one of them is not held by more than what noise could overcome
-    over the time left (`MARGIN_SDS` sds of it)."""
+    over the time left (`MARGIN_SDS` sds of it).
+
+    The force in a closed mesh i is what all that is locked below it needs beyond its own free
+    motion (docs/model.md section 10).  With the excitation ``a = alpha + sigma eta``, sums M and B
+    over that part, and `v_i' = 0` where it is locked to the driver, the part of it with a is
+
+        M kappa_i a (f'' + B f')             locked to the driver,
+        M kappa_i a (B - B_root) f'          in a moving body, whose f'' is common to all,
+
+    so that is how the noise acts on it.  What is compared is this force with its own noise: both
+    are those of the mass M, not of the wheel alone.  The noise of the wheel alone would be less
+    by the share of the wheel in M, and hold a light wheel that carries heavy ones although noise
+    lifts it in every other step.
+    """
     bodies = lock(c, closed)
     lift = MARGIN_SDS * spread / math.sqrt(at.left)
     pushes = contact_motion(c, at.tau, s, closed)

@@ -85,6 +85,42 @@ def test_the_noise_that_closed_meshes_take_up_is_energy_lost(wheels, moved):
     assert sums.main[:, :, ENERGY] == pytest.approx(supplied, rel=1e-3)
 
 
+def count_impacts(*wheels: Wheel) -> float:
+    """Impacts of some paths, every one of them followed."""
+    scene = Scene(alpha=1.6, sigma=0.045, wheels=wheels)
+    walk = Walk(scene, np.random.SeedSequence(1), 0, 4)
+    sums = new_sums(4, 4, no_scales(len(wheels), 0.1), detail=False)
+    walk.follow(sums, periods=4)
+    return float(sums.main[:, :, NUMBER].sum())
+
+
+def test_wheels_that_chatter_beside_each_other_have_the_impacts_of_each():
+    """Where three wheels shared the impacts that one may have in a step half of them were left out,
+    and 0.8 % of the fast ones with them."""
+    wheel = Wheel(beta=0.02, gamma=0.36, gap=0.5, epsilon=0.45)
+    other = replace(wheel, beta=0.05, gamma=0.5, gap=0.4)
+    alone = 2.0 * count_impacts(wheel) + count_impacts(other)
+    assert alone > 20_000
+    assert count_impacts(wheel, other, wheel) > 0.95 * alone
+
+
+def test_wheels_in_a_row_that_noise_lifts_lose_what_it_supplies():
+    """Nearly elastic and pressed shut by hardly more than the noise: held closed while the force in
+    mesh 1 exceeds the noise of one wheel alone, not of both, they lost 28 % less."""
+    pair = (replace(PRESSED, epsilon=0.9), replace(PRESSED, epsilon=0.9, parent=1, mass=1.5))
+    pressed = Scene(alpha=1.5, sigma=0.1, wheels=pair)
+    scales = no_scales(2, 0.1)
+    walk = Walk(pressed, np.random.SeedSequence(3), 0, 8, quiet_of(pressed, 0.1, None))
+    walk.follow(new_sums(8, 4, scales, detail=False), periods=4)
+    sums = new_sums(8, 8, scales, detail=False)
+    walk.follow(sums, periods=8)
+    lost = sums.main[:, :, ENERGY].mean(axis=1)
+    supplied = 0.25 * pressed.sigma**2 * 2.5 * PERIOD
+    se = lost.std(ddof=1) / math.sqrt(lost.size)
+    assert se < 0.03 * supplied
+    assert lost.mean() == pytest.approx(supplied, abs=4.0 * se)
+
+
 def test_the_tail_of_impact_speeds():
     """Restitution does not matter up to a half; a nearly elastic mesh keeps its energy."""
     assert tail_exponent(0.0) == pytest.approx(1.0)

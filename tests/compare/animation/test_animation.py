@@ -95,7 +95,7 @@ def test_a_settled_start_is_an_impact_of_the_orbit():
 
 
 def test_a_long_path_is_sampled_in_parts(monkeypatch):
-    monkeypatch.setattr(record, "MOST_IMPACTS_OF_A_RUN", 3)
+    monkeypatch.setattr(record, "most_impacts", lambda scene: 3)
     scene = Scene.from_gears(DAT21, sigma=1e-9)
     recording = animate(scene, impacts=10, rng=1).recording
     times = recording.orbit.impact_time
