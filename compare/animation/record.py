@@ -144,9 +144,11 @@ def follow_until(scene: Scene, span: float) -> Orbit:
     impacts = 256
     while True:
         orbit = follow(scene.noise_free, impacts)
-        if orbit.stopped or orbit.tau[-1] - scene.phase > span or impacts > MOST_FOLLOWED:
+        reached = float(orbit.tau[-1]) - scene.phase
+        if orbit.stopped or reached > span or impacts > MOST_FOLLOWED:
             return orbit
-        impacts *= 4
+        # as its impacts so far have it, and a fourth more; four times as many at the most
+        impacts = math.ceil(1.25 * impacts * span / max(reached, 0.3125 * span))
 
 
 def settle(scene: Scene, refuse: Refuse) -> Scene:

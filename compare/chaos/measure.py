@@ -163,6 +163,9 @@ def study(
         sweep = FieldSweep(chosen, field, seed, workers, folder, guard)
         progress(f"exponents at {len(chosen)} values of {field}")
         swept = sweep.exponents(width, longest)
+        measured = swept[field].nunique()
+        if measured < len(chosen):  # they took far longer than was counted
+            sizes.reduced.append(f"{measured} of these {len(chosen)} values in that time")
         progress(f"bifurcation diagram at {len(chosen)} values of {field}")
         with leave_out(missing, "the bifurcation diagram"):
             view = sweep.bifurcation()

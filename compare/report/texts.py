@@ -39,13 +39,12 @@ def name_wheels(scene: Scene) -> list[str]:
     for the short form of one or two wheels."""
     if not scene.wheels:
         return []
-    with_driver = "meshes with the driver"
-    first, *others = (
-        f"{wheel_label(scene, number)} {f'with {wheel.parent}' if wheel.parent else with_driver}"
+    meshes = ", ".join(
+        f"{wheel_label(scene, number)} with {wheel.parent or 'the driver'}"
         for number, wheel in enumerate(scene.tree, 1)
     )
-    meshes = ", ".join([f"Wheel {first}", *others])
-    return [f"{meshes}. Mesh and stage 1, x1 and y1 are those of wheel 1, and so on."]
+    meshes = meshes.replace(" with ", " meshes with ", 1)
+    return [f"Wheel {meshes}. Mesh and stage 1, x1 and y1 are those of wheel 1, and so on."]
 
 
 def label_quantity(scene: Scene, quantity: str) -> str:

@@ -50,8 +50,10 @@ def _largest_rho(validations: Sequence[Comparison], closure: str) -> float:
     return float(np.fmax(rows[rows["closure"] == closure]["rho"].abs().max(), 0.0))
 
 
-def advice(validity: pd.DataFrame, impacts: int, speed: pd.DataFrame) -> str:
-    """What to take for a gear pair at each noise intensity that was asked for, in one sentence."""
+def advice(
+    validity: pd.DataFrame, impacts: int, speed: pd.DataFrame, gears: str = "gear pair"
+) -> str:
+    """What to take for some gears at each noise intensity that was asked for, in one sentence."""
     takes = []
     for sigma, rows in validity.groupby("sigma", sort=False):
         whole = speed.query("sigma == @sigma and impacts == @impacts")
@@ -69,7 +71,7 @@ def advice(validity: pd.DataFrame, impacts: int, speed: pd.DataFrame) -> str:
             }
         )
     (sentence,) = render_sentences(
-        "validation/advice.j2", takes=takes, impacts=impacts, names=name_all
+        "validation/advice.j2", takes=takes, impacts=impacts, names=name_all, gears=gears
     )
     return sentence
 
@@ -257,7 +259,7 @@ def answer(validations: Sequence[Comparison], swept: Sweep | None = None) -> lis
     transient = describe_transient(first.scene)
     return [
         *([transient] if transient else []),
-        advice(validity, impacts, speed),
+        advice(validity, impacts, speed, "gear pair" if first.scene.stages <= 2 else "gearbox"),
         *([validity_sentence(swept.validity, impacts)] if swept else []),
         *itinerary_sentence(swept.validity if swept else validity, impacts),
         cost_sentence(costs, speed, impacts, duration_words(first), over),
