@@ -16,6 +16,7 @@ import numpy as np
 
 from rattle.scene import Constants, Floats, Ints, Scene
 from rattle.scene.compiled import internal, jit
+from rattle.scene.drive import velocity_acceleration
 from rattle.scene.flight import flow
 from rattle.scene.impact import LOST, MISSES, NONE, REST, next_impact, strike
 from rattle.scene.numpy_errors import numpy_defaults
@@ -161,7 +162,8 @@ def stick(
         flight += t
     while True:
         if not np.any(closed != 0):
-            find_sticking(c, tau, state, find_touching(c, state), closed, bodies)
+            driver = velocity_acceleration(c.drive, tau)
+            find_sticking(c, driver, state, find_touching(c, state), closed, bodies)
         if np.any(closed != 0):
             n = put_leg(legs, n, k, tau, state, closed)
             t, mesh, _, state, closed = next_contact(c, tau, state, closed, HORIZON)

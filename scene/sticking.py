@@ -31,6 +31,9 @@ CHATTER_LIMIT = 1e-6
 MOST_CHANGES = 1000  # of the meshes that stick, until the right ones are
 DRIVER = -1  # root of a body that is locked to the driver
 
+Driver = tuple[float, float]
+"""Velocity and acceleration of the driver, ``f'`` and ``f''``."""
+
 
 @lean_internal
 def lock(c: Constants, closed: Ints, bodies: Bodies) -> None:
@@ -67,7 +70,7 @@ def lock(c: Constants, closed: Ints, bodies: Bodies) -> None:
 
 
 @lean_internal
-def contact_motion(c: Constants, tau: float, s: Floats, closed: Ints, bodies: Bodies) -> None:
+def contact_motion(c: Constants, driver: Driver, s: Floats, closed: Ints, bodies: Bodies) -> None:
     """Write the bodies, and by mesh the push of a closed one's contact as the acceleration that it
     alone gives the gap, positive while it pushes; the acceleration of an open one's gap.
 
@@ -77,14 +80,14 @@ def contact_motion(c: Constants, tau: float, s: Floats, closed: Ints, bodies: Bo
     """
     not_inlined()
     lock(c, closed, bodies)
-    first, second = motion.velocity_acceleration(c.drive, tau)
-    driver = c.alpha * second
+    speed = c.alpha * driver[0]
+    acceleration = c.alpha * driver[1]
     # what all that is locked below a mesh loses by damping and drag, as an acceleration
     for i in range(c.wheels.size):
         wheel = c.wheels[i]
         body = bodies[i]
         if wheel.parent < 0:
-            body.speed = wheel.turn * c.alpha * first - wheel.sign * s[2 * i + 1]
+            body.speed = wheel.turn * speed - wheel.sign * s[2 * i + 1]
         else:
             body.speed = wheel.ratio * bodies[wheel.parent].speed + s[2 * i + 1]
         body.pull = wheel.mass * (wheel.beta * body.speed + wheel.gamma)
@@ -98,30 +101,30 @@ def contact_motion(c: Constants, tau: float, s: Floats, closed: Ints, bodies: Bo
         wheel = c.wheels[i]
         body = bodies[i]
         r = body.root
-        body.motion = -wheel.turn * driver if r == DRIVER else body.carry * bodies[r].pull
+        body.motion = -wheel.turn * acceleration if r == DRIVER else body.carry * bodies[r].pull
         if closed[i] != 0:
             force = body.mass * (body.pull - body.motion)
             body.push = closed[i] * wheel.sign * force / (wheel.mass * (1.0 - wheel.share))
         elif wheel.parent < 0:
-            body.push = wheel.sign * (body.motion + wheel.turn * driver)
+            body.push = wheel.sign * (body.motion + wheel.turn * acceleration)
         else:
             body.push = wheel.ratio * bodies[wheel.parent].motion - body.motion
 
 
 @lean_internal
-def _bound_accelerations(c: Constants, tau: float, bodies: Bodies) -> float:
+def _bound_accelerations(c: Constants, driver: Driver, bodies: Bodies) -> float:
     """A bound of all accelerations of gaps and contacts: what their terms add up to, on the
     lightest wheel.
 
     `bodies`: as `contact_motion` wrote them.
     """
-    driver = abs(c.alpha * motion.acceleration(c.drive, tau))
+    acceleration = abs(c.alpha * driver[1])
     total = 0.0
     mass = 0.0
     lightest = math.inf
     for i in range(c.wheels.size):
         wheel = c.wheels[i]
-        total += abs(wheel.beta * bodies[i].speed + wheel.gamma) + wheel.turn * driver
+        total += abs(wheel.beta * bodies[i].speed + wheel.gamma) + wheel.turn * acceleration
         mass += wheel.turn * wheel.turn * wheel.mass
         lightest = min(lightest, wheel.turn * wheel.turn * wheel.mass)
     return total * mass / lightest
@@ -129,7 +132,7 @@ def _bound_accelerations(c: Constants, tau: float, bodies: Bodies) -> float:
 
 @lean_internal
 def find_sticking(
-    c: Constants, tau: float, s: Floats, touching: Ints, closed: Ints, bodies: Bodies
+    c: Constants, driver: Driver, s: Floats, touching: Ints, closed: Ints, bodies: Bodies
 ) -> None:
     """Write which meshes stick, of those that touch a wall at zero speed, and their
     `contact_motion`.
@@ -146,8 +149,8 @@ def find_sticking(
     not_inlined()
     for i in range(closed.size):
         closed[i] = touching[i]
-    contact_motion(c, tau, s, closed, bodies)
-    slack = 1e-15 * _bound_accelerations(c, tau, bodies)
+    contact_motion(c, driver, s, closed, bodies)
+    slack = 1e-15 * _bound_accelerations(c, driver, bodies)
     least = math.inf
     for i in range(closed.size):
         if closed[i] != 0:
@@ -158,7 +161,7 @@ def find_sticking(
         closed[i] = 0
     wrong = 0
     for _ in range(MOST_CHANGES):
-        contact_motion(c, tau, s, closed, bodies)
+        contact_motion(c, driver, s, closed, bodies)
         wrong = -1
         for i in range(closed.size - 1, -1, -1):
             push = bodies[i].push
@@ -237,7 +240,7 @@ def opening(c: Constants, tau: float, s: Floats, closed: Ints) -> tuple[float, i
     """Time until the first of the sticking meshes opens, because its contact force has fallen to
     zero, and its index."""
     bodies = np.empty(c.wheels.size, BODY)
-    contact_motion(c, tau, s, closed, bodies)
+    contact_motion(c, motion.velocity_acceleration(c.drive, tau), s, closed, bodies)
     first = math.inf
     which = 0
     for i in range(c.wheels.size):
@@ -457,8 +460,9 @@ def _is_slow(c: Constants, i: int, s: Floats, most: float) -> bool:
 def _most_acceleration(c: Constants, tau: float, s: Floats) -> float:
     """A bound of all accelerations of gaps and contacts in a state."""
     bodies = np.empty(c.wheels.size, BODY)
-    contact_motion(c, tau, s, np.zeros(c.wheels.size, np.int64), bodies)
-    return _bound_accelerations(c, tau, bodies)
+    driver = motion.velocity_acceleration(c.drive, tau)
+    contact_motion(c, driver, s, np.zeros(c.wheels.size, np.int64), bodies)
+    return _bound_accelerations(c, driver, bodies)
 
 
 @internal
@@ -482,15 +486,19 @@ def may_chatter(c: Constants, tau: float, s: Floats, mesh: int) -> bool:
 
 @internal
 def _stick_together(
-    c: Constants, tau: float, s: Floats, together: Ints, at_rest: Ints, mesh: int, change: float
+    c: Constants,
+    s: Floats,
+    together: Ints,
+    bodies: Bodies,
+    at_rest: Ints,
+    mesh: int,
+    change: float,
 ) -> bool:
     """Whether chatter at a mesh ends at once, since it and others that are not at rest throw each
     other back.
 
     `change`: Bound of the rate of change of all accelerations.
     """
-    bodies = np.empty(c.wheels.size, BODY)
-    contact_motion(c, tau, s, together, bodies)
     others = False
     weakest = math.inf
     strongest = 0.0
@@ -536,7 +544,8 @@ def complete_chatter(
     if c.wheels[mesh - 1].epsilon == 1.0:
         return math.inf, never
     u = wheel_speeds(c, tau, s)
-    driver = c.alpha * motion.acceleration(c.drive, tau)
+    moves = motion.velocity_acceleration(c.drive, tau)
+    driver = c.alpha * moves[1]
     force = c.alpha * motion.most_acceleration(c.drive)
     jolt = c.alpha * motion.most_jerk(c.drive)
     most = _most_acceleration(c, tau, s)
@@ -560,14 +569,15 @@ def complete_chatter(
     together = np.zeros(n, np.int64)
     # without the fastest of them, again and again: it may be in flight beside the chatter of others
     while reach.max() > 0.0:
-        find_sticking(c, tau, s, near, together, bodies)
-        if together[mesh - 1] != 0 and _stick_together(c, tau, s, together, at_rest, mesh, change):
+        find_sticking(c, moves, s, near, together, bodies)
+        throws = together[mesh - 1] != 0
+        if throws and _stick_together(c, s, together, bodies, at_rest, mesh, change):
             return 0.0, together
         i = int(np.argmax(reach))
         near[i] = 0
         reach[i] = 0.0
     closed = np.zeros(n, np.int64)
-    find_sticking(c, tau, s, at_rest, closed, bodies)
+    find_sticking(c, moves, s, at_rest, closed, bodies)
     press = side * bodies[mesh - 1].push
     speed = -side * s[2 * mesh - 1]
     if not (press > 0.0 and speed >= 0.0):
@@ -577,7 +587,7 @@ def complete_chatter(
     if t > CHATTER_LIMIT or t * change > CHATTER_LIMIT * press:
         return math.inf, never
     closed[mesh - 1] = side
-    contact_motion(c, tau, s, closed, bodies)
+    contact_motion(c, moves, s, closed, bodies)
     for i in range(n):
         if closed[i] != 0:
             continue

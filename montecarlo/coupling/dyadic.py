@@ -31,7 +31,6 @@ from rattle.montecarlo.schemes.step_state import (
     FORCING,
     MOST_IN_A_STEP,
     MOST_TERMS,
-    Progress,
     clip,
     copy_state,
     due_side,
@@ -41,8 +40,17 @@ from rattle.montecarlo.schemes.step_state import (
 from rattle.montecarlo.schemes.sticking import is_any, leave_lifted, put_all
 from rattle.scene import Constants, Floats, InputError, Ints, Scene
 from rattle.scene.compiled import internal, lean_internal, not_inlined
+from rattle.scene.drive import velocity_acceleration
 from rattle.scene.impact import strike
-from rattle.scene.sticking import as_bodies, close, find_sticking, open_meshes, put_open, take_open
+from rattle.scene.sticking import (
+    as_bodies,
+    close,
+    contact_motion,
+    find_sticking,
+    open_meshes,
+    put_open,
+    take_open,
+)
 from rattle.scene.types import BODY
 
 Pair = tuple[float, float]
@@ -295,7 +303,8 @@ def _close_resting(tree: Tree, tau: float, alpha: float, held: Ints) -> None:
             touching[i] = 1 if s[2 * i] > 0.0 else -1
     pushed = Constants(alpha, c.sigma, c.wheels, c.drive, c.memory)
     sticking = np.empty(held.size, np.int64)
-    find_sticking(pushed, tau, s, touching, sticking, np.empty(held.size, BODY))
+    driver = velocity_acceleration(c.drive, tau)
+    find_sticking(pushed, driver, s, touching, sticking, np.empty(held.size, BODY))
     for i in range(held.size):
         room.sides[i] = held[i] if held[i] != 0 else sticking[i]
 
@@ -448,9 +457,9 @@ def _close_for_step(tree: Tree, tau: float) -> None:
     c = tree.c
     room = tree.room
     _close_resting(tree, tau, c.alpha, room.sides.copy())
-    step = Progress(0, tau, tree.clock.h, Noise(0.0, 0.0))
     bodies = np.empty(room.sides.size, BODY)
-    leave_lifted(c, step, room.state, room.sides, c.sigma, bodies)
+    contact_motion(c, velocity_acceleration(c.drive, tau), room.state, room.sides, bodies)
+    leave_lifted(c, tree.clock.h, room.sides, c.sigma, bodies)
 
 
 @internal

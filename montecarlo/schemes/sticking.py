@@ -38,6 +38,7 @@ from rattle.scene.drive import most_modulation, most_velocity, velocity_accelera
 from rattle.scene.flight import flow
 from rattle.scene.sticking import (
     DRIVER,
+    Driver,
     close,
     contact_motion,
     find_sticking,
@@ -132,21 +133,23 @@ def _close_slow(c: Constants, at: Progress, scratch: Scratch, quiet: Quiet) -> f
     bodies = scratch.bodies
     touching = scratch.choices[TOUCHING]
     sticking = scratch.choices[STICKING]
-    _find_touching(c, at.tau, scratch, quiet.speed)
+    driver = velocity_acceleration(c.drive, at.tau)
+    _find_touching(c, driver, scratch, quiet.speed)
     if not is_any(touching):
         return -1.0
     if quiet.speed > 0.0:
-        find_sticking(c, at.tau, s, touching, sticking, bodies)
+        find_sticking(c, driver, s, touching, sticking, bodies)
         _leave_shaken(c, scratch)
-        above = _hold_quiet(c, at, spread, scratch, quiet)
+        ahead = velocity_acceleration(c.drive, at.tau + at.left)
+        above = _hold_quiet(c, at.left, driver, ahead, spread, scratch, quiet)
         if above >= 0.0:
             return above
     for i in range(c.wheels.size):
         side, distance = _nearest_wall(scratch, i)
         rests = s[2 * i + 1] == 0.0 and distance == 0.0
         touching[i] = side if rests else 0
-    find_sticking(c, at.tau, s, touching, sticking, bodies)
-    leave_lifted(c, at, s, sticking, spread, bodies)
+    find_sticking(c, driver, s, touching, sticking, bodies)
+    leave_lifted(c, at.left, sticking, spread, bodies)
     copy_state(scratch.sides, sticking)
     return 0.0 if is_any(sticking) else -1.0
 
@@ -160,8 +163,8 @@ def _nearest_wall(scratch: Scratch, i: int) -> tuple[int, float]:
     return (1, above) if above <= below else (-1, below)
 
 
-@lean_internal
-def _find_touching(c: Constants, tau: float, scratch: Scratch, speed: float) -> None:
+@inline
+def _find_touching(c: Constants, driver: Driver, scratch: Scratch, speed: float) -> None:
     """Write the meshes that rest at their wall, or bounce there below a speed, pressed by what acts
     on them while those above them touch."""
     touching = scratch.choices[TOUCHING]
@@ -172,7 +175,7 @@ def _find_touching(c: Constants, tau: float, scratch: Scratch, speed: float) -> 
         if abs(y) > speed:
             continue
         if changed:
-            contact_motion(c, tau, scratch.state, touching, scratch.bodies)
+            contact_motion(c, driver, scratch.state, touching, scratch.bodies)
             changed = False
         side, distance = _nearest_wall(scratch, i)
         push = side * scratch.bodies[i].push
@@ -182,7 +185,7 @@ def _find_touching(c: Constants, tau: float, scratch: Scratch, speed: float) -> 
             changed = True
 
 
-@lean_internal
+@inline
 def _leave_shaken(c: Constants, scratch: Scratch) -> None:
     """Write the meshes that stick, without those of a wheel that also touches at a mesh that does
     not: every impact there shakes them."""
@@ -201,9 +204,7 @@ def _leave_shaken(c: Constants, scratch: Scratch) -> None:
 
 
 @lean_internal
-def leave_lifted(
-    c: Constants, at: Progress, s: Floats, closed: Ints, spread: float, bodies: Bodies
-) -> None:
+def leave_lifted(c: Constants, left: float, closed: Ints, spread: float, bodies: Bodies) -> None:
     """Open all meshes at rest if one of them is not held by more than what noise could overcome
     over the time left (`MARGIN_SDS` sds of it).
 
@@ -219,8 +220,7 @@ def leave_lifted(
     by the share of the wheel in M, and hold a light wheel that carries heavy ones although noise
     lifts it in every other step.
     """
-    contact_motion(c, at.tau, s, closed, bodies)
-    lift = MARGIN_SDS * spread / math.sqrt(at.left)
+    lift = MARGIN_SDS * spread / math.sqrt(left)
     lifted = False
     for i in range(closed.size):
         if closed[i] == 0:
@@ -251,19 +251,15 @@ class Bounce(NamedTuple):
     more: float
 
 
-class Driver(NamedTuple):
-    """Velocity and acceleration of the driver, relative to its amplitude, at the start of the time
-    left and at its end."""
-
-    first: float
-    second: float
-    end_first: float
-    end_second: float
-
-
-@lean_internal
+@inline
 def _bounce(
-    c: Constants, driver: Driver, scratch: Scratch, i: int, side: int, moving: bool
+    c: Constants,
+    driver: Driver,
+    ahead: Driver,
+    scratch: Scratch,
+    i: int,
+    side: int,
+    moving: bool,
 ) -> Bounce:
     """The motion at a closed mesh: that of its wheel towards the driver, or, where the body with
     its parent is `moving`, of both towards each other."""
@@ -272,10 +268,10 @@ def _bounce(
     pull = wheel.beta * u + wheel.gamma
     if not moving:
         towards = side * wheel.sign
-        m = wheel.turn * (driver.second + wheel.beta * driver.first)
-        end_m = wheel.turn * (driver.end_second + wheel.beta * driver.end_first)
-        speed = wheel.turn * c.alpha * driver.first - u
-        push = towards * (pull + wheel.turn * c.alpha * driver.second)
+        m = wheel.turn * (driver[1] + wheel.beta * driver[0])
+        end_m = wheel.turn * (ahead[1] + wheel.beta * ahead[0])
+        speed = wheel.turn * c.alpha * driver[0] - u
+        push = towards * (pull + wheel.turn * c.alpha * driver[1])
         later = towards * (wheel.gamma + c.alpha * end_m)
         half = 0.5 * wheel.mass
         return Bounce(wheel.mass, speed, push, later, half * m * m, half * end_m * end_m)
@@ -285,8 +281,8 @@ def _bounce(
     others = wheel.ratio * (parent.beta * by_parent + parent.gamma)
     end_pull = wheel.beta * wheel.ratio * by_parent + wheel.gamma
     mass = wheel.mass * (1.0 - wheel.share)
-    m = wheel.first * driver.first
-    end_m = wheel.first * driver.end_first
+    m = wheel.first * driver[0]
+    end_m = wheel.first * ahead[0]
     push = side * (others - pull)
     later = side * (others - end_pull)
     half = 0.5 * mass
@@ -294,8 +290,16 @@ def _bounce(
     return Bounce(mass, rate, push, later, half * m * m, half * end_m * end_m)
 
 
-@lean_internal
-def _hold_quiet(c: Constants, at: Progress, spread: float, scratch: Scratch, quiet: Quiet) -> float:
+@inline
+def _hold_quiet(
+    c: Constants,
+    left: float,
+    driver: Driver,
+    ahead: Driver,
+    spread: float,
+    scratch: Scratch,
+    quiet: Quiet,
+) -> float:
     """Hold meshes that noise moves too little to be followed, of those that would stick; the bound
     on the rate of fast impacts, or -1 where none is held.
 
@@ -312,9 +316,6 @@ def _hold_quiet(c: Constants, at: Progress, spread: float, scratch: Scratch, qui
     if not is_any(closed):
         return -1.0
     lock(c, closed, bodies)
-    first, second = velocity_acceleration(c.drive, at.tau)
-    end_first, end_second = velocity_acceleration(c.drive, at.tau + at.left)
-    driver = Driver(first, second, end_first, end_second)
     total = 0.0
     for i in range(n):
         parent = c.wheels[i].parent
@@ -333,11 +334,13 @@ def _hold_quiet(c: Constants, at: Progress, spread: float, scratch: Scratch, qui
                 count += 1
         if (moving and count > 1) or (not moving and top[i] != i):
             continue
-        above = _bound_fast(c, at.left, driver, moving, spread, scratch, quiet)
-        if above < 0.0 and count > 1:
-            put_all(group, 0)
-            group[i] = closed[i]
-            above = _bound_fast(c, at.left, driver, moving, spread, scratch, quiet)
+        above = -1.0
+        while above < 0.0 and count > 0:
+            above = _bound_fast(c, left, driver, ahead, moving, spread, scratch, quiet)
+            if above < 0.0:
+                put_all(group, 0)
+                group[i] = closed[i]
+                count = 1 if count > 1 else 0
         if above >= 0.0:
             total += above
             for j in range(n):
@@ -352,11 +355,12 @@ def _hold_quiet(c: Constants, at: Progress, spread: float, scratch: Scratch, qui
     return total
 
 
-@lean_internal
+@inline
 def _bound_fast(
     c: Constants,
     left: float,
     driver: Driver,
+    ahead: Driver,
     moving: bool,
     spread: float,
     scratch: Scratch,
@@ -383,7 +387,7 @@ def _bound_fast(
             continue
         limit /= 1.0 + c.wheels[i].epsilon if count > 0 else 1.0
         count += 1
-        b = _bounce(c, driver, scratch, i, group[i], moving)
+        b = _bounce(c, driver, ahead, scratch, i, group[i], moving)
         push = min(push, b.push)
         later = min(later, b.later)
         square = max(square, 2.0 * spread * spread * max(b.power, b.more) / b.mass)
@@ -420,21 +424,19 @@ def add_closed(closed: Floats, p: int, scratch: Scratch, time: float, above: flo
     closed[n + 1, p] += above * time
 
 
-@lean_internal
+@inline
 def close_meshes(c: Constants, scratch: Scratch) -> None:
     """Put the closed meshes of a path on their walls, in its state."""
-    not_inlined()
     close(c, scratch.state, scratch.sides, scratch.walls, scratch.bodies)
 
 
-@lean_internal
+@inline
 def leave_bodies(c: Constants, scratch: Scratch) -> int:
     """Write the bodies that the closed meshes of a path leave, and the open meshes; returns how
     many there are.
 
     Paths come with the same closed meshes step by step: the bodies are kept until others close.
     """
-    not_inlined()
     sides = scratch.sides
     count = list_open(sides, scratch.choices[FREE])
     left = scratch.choices[LEFT]

@@ -12,6 +12,7 @@ from scenes import TREES, tree
 from scipy.integrate import solve_ivp
 
 from rattle.scene import Scene, Start, Wheel
+from rattle.scene.drive import velocity_acceleration
 from rattle.scene.impact import energy_loss, next_impact, strike
 from rattle.scene.long_orbit import LongOrbit, attractor
 from rattle.scene.orbit import follow
@@ -131,8 +132,9 @@ def test_the_meshes_that_stick_are_the_one_set_in_which_all_contacts_push():
         state[:, 1::2] = y.T
         found = np.empty((states, 6), np.int64)
         bodies = np.empty(6, BODY)
-        for row, closed in zip(zip(tau, state, touching.T, strict=True), found, strict=True):
-            find_sticking(c, *row, closed, bodies)
+        drivers = [velocity_acceleration(c.drive, t) for t in tau]
+        for row in zip(drivers, state, touching.T, found, strict=True):
+            find_sticking(c, *row, bodies)
         assert np.array_equal(found.T, expected)
         heavier = replace(scene.wheels[0], mass=1.0 / 1.1)
         wrong = replace(scene, wheels=(heavier, *scene.wheels[1:])).constants
