@@ -122,7 +122,7 @@ def first_root(a: float, b: float, c: float, d: float) -> float:
     return guess
 
 
-@lean_internal
+@inline
 def _cut_at(
     gap0: float,
     rate0: float,

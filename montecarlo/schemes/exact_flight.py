@@ -340,7 +340,11 @@ def advance_exactly(inside: Inside, met: int, at: Progress, phase: Phase) -> tup
     """
     if not inside.closed:
         return _advance(inside, inside.c, not inside.known, met, at, phase)
-    return _advance_beside(inside, met, at, phase)
+    close_meshes(inside.c, inside.scratch)
+    count = leave_bodies(inside.c, inside.scratch)
+    if count == 0:
+        return Progress(0, at.tau + at.left, 0.0, Noise(0.0, 0.0)), phase
+    return _advance_beside(inside, count, met, at, phase)
 
 
 @inline
@@ -414,15 +418,13 @@ def _advance(
 
 
 @lean_internal
-def _advance_beside(inside: Inside, met: int, at: Progress, phase: Phase) -> tuple[Progress, Phase]:
-    """`advance_exactly` beside closed meshes; called, for the flight of open meshes must not wait
-    for which constants it takes."""
+def _advance_beside(
+    inside: Inside, count: int, met: int, at: Progress, phase: Phase
+) -> tuple[Progress, Phase]:
+    """`advance_exactly` of the bodies that closed meshes leave, so many; called, for the flight of
+    open meshes must not wait for which constants it takes."""
     not_inlined()
     whole = inside.scratch
-    close_meshes(inside.c, whole)
-    count = leave_bodies(inside.c, whole)
-    if count == 0:
-        return Progress(0, at.tau + at.left, 0.0, Noise(0.0, 0.0)), phase
     free = whole.choices[FREE, :count]
     wheels = whole.wheels_beside[:count]
     c = Constants(inside.c.alpha, inside.c.sigma, wheels, inside.c.drive, inside.c.memory)

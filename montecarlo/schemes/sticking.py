@@ -117,11 +117,10 @@ def find_closed(c: Constants, at: Progress, scratch: Scratch, quiet: Quiet) -> t
     return above >= 0.0, above
 
 
-@lean_internal
+@inline
 def _close_slow(c: Constants, at: Progress, scratch: Scratch, quiet: Quiet) -> float:
     """Write the meshes that are closed into the scratch; the bound on the rate of fast impacts that
     are not followed there, or -1 where none is closed."""
-    not_inlined()
     spread = c.sigma
     if c.memory > 0.0:
         alpha = c.alpha + c.sigma * at.noise.increment / at.left
@@ -148,6 +147,8 @@ def _close_slow(c: Constants, at: Progress, scratch: Scratch, quiet: Quiet) -> f
         side, distance = _nearest_wall(scratch, i)
         rests = s[2 * i + 1] == 0.0 and distance == 0.0
         touching[i] = side if rests else 0
+    if not is_any(touching):
+        return -1.0
     find_sticking(c, driver, s, touching, sticking, bodies)
     leave_lifted(c, at.left, sticking, spread, bodies)
     copy_state(scratch.sides, sticking)
@@ -188,19 +189,23 @@ def _find_touching(c: Constants, driver: Driver, scratch: Scratch, speed: float)
 @inline
 def _leave_shaken(c: Constants, scratch: Scratch) -> None:
     """Write the meshes that stick, without those of a wheel that also touches at a mesh that does
-    not: every impact there shakes them."""
+    not, which every impact there shakes; and the bodies that they make."""
     touching = scratch.choices[TOUCHING]
     sticking = scratch.choices[STICKING]
     kept = scratch.choices[UNSHAKEN]
     copy_state(kept, sticking)
+    shaken = False
     for i in range(kept.size):
         if touching[i] == 0 or sticking[i] != 0:
             continue
+        shaken = True
         parent = c.wheels[i].parent
         for j in range(kept.size):
             other = c.wheels[j].parent
             if other == i or j == parent or (other == parent and parent >= 0):
                 kept[j] = 0
+    if shaken:
+        lock(c, kept, scratch.bodies)
 
 
 @lean_internal
@@ -315,7 +320,6 @@ def _hold_quiet(
     put_all(held, 0)
     if not is_any(closed):
         return -1.0
-    lock(c, closed, bodies)
     total = 0.0
     for i in range(n):
         parent = c.wheels[i].parent
