@@ -30,7 +30,7 @@ from rattle.scene import (
 )
 from rattle.scene.numpy_errors import call_users
 from rattle.scene.orbit import follow
-from rattle.scene.parts import MOST_WHEELS
+from rattle.scene.types import MOST_WHEELS
 
 if TYPE_CHECKING:  # loading it takes as long as all the rest
     import pandas as pd

@@ -20,7 +20,7 @@ from rattle.scene.errors import (
     unit_interval,
 )
 from rattle.scene.text import as_call
-from rattle.scene.types import CUT, state_names
+from rattle.scene.types import CUT, MOST_WHEELS, state_names
 
 _edge = math.exp(-0.5 * CUT**2) / math.sqrt(2.0 * math.pi)
 UNIT_VARIANCE = {
@@ -42,7 +42,6 @@ LARGEST_SPEED = 1e6
 LARGEST_TIME = 1e12
 
 
-MOST_WHEELS = 32
 LARGEST_BETA = 1e4
 LARGEST_RATE = 1e6  # of excitation, drag and noise
 MASSES = (1e-6, 1e6)  # of a wheel over that of wheel 1

@@ -25,6 +25,7 @@ def section_names(wheels: int) -> tuple[str, ...]:
     return ("tau", "flight", *state_names(wheels))
 
 
+MOST_WHEELS = 32  # of a gearbox
 CUT = 2.0  # c_max in standard deviations of the normal distribution that is truncated there
 
 

@@ -25,7 +25,7 @@ from rattle.closure.branching.mixture import moments
 from rattle.closure.moments import ERROR_PER_SLOW_SHARE, Trace, bounds, check_white, within
 from rattle.scene import Floats, InputError, Scene
 from rattle.scene.orbit import follow
-from rattle.scene.parts import MOST_WHEELS
+from rattle.scene.types import MOST_WHEELS
 
 RESOLUTIONS = (
     Level(10, 18, 1e-2, 3e-3),

@@ -25,7 +25,7 @@ from rattle.scene.compiled import internal, jit, splice
 from rattle.scene.flight import jacobian, noise_covariance, noise_rate
 from rattle.scene.impact import contact_matrix
 from rattle.scene.orbit import Orbit
-from rattle.scene.parts import MOST_WHEELS
+from rattle.scene.types import MOST_WHEELS
 
 LEAST_WEIGHT_BEYOND = 1e-6  # weight beyond a boundary that need not be found
 LIGHT = 1e-4  # weight of a component above which boundaries are searched for

@@ -16,8 +16,8 @@ from rattle.compare.report.folder import default_place, name_of
 from rattle.scene import InputError, OutputError, count, line, nearest
 from rattle.scene.files import read_text, read_toml
 from rattle.scene.gears_input import find_measured, read_measured
-from rattle.scene.parts import MOST_WHEELS
 from rattle.scene.progress import apart_from_bars
+from rattle.scene.types import MOST_WHEELS
 
 NARROWEST_LINE = 20
 """Characters of the shortest line; a narrower terminal wraps it."""

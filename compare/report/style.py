@@ -15,8 +15,8 @@ from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
 from rattle.closure import CLOSURES
 from rattle.scene import state_names
 from rattle.scene.changes import unit_of_value, words_of_value
-from rattle.scene.parts import MOST_WHEELS
 from rattle.scene.plot import ShownFigure
+from rattle.scene.types import MOST_WHEELS
 
 OWN_COLORS = ("#882255", "#332288", "#999933", "#117733", "#AA4499", "#661100")
 OWN_MARKERS = "P*Xhp8"

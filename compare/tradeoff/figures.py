@@ -14,7 +14,7 @@ from matplotlib.ticker import NullFormatter
 
 from rattle.compare.report.style import OWN_COLORS, STYLE, SYMBOL, legend_above, new_figure
 from rattle.montecarlo.settings import EXACT_SCHEME
-from rattle.scene.parts import MOST_WHEELS
+from rattle.scene.types import MOST_WHEELS
 
 SCHEME_STYLES = {
     "euler-maruyama": {"color": "#CC79A7", "marker": "P"},
