@@ -81,8 +81,6 @@ def _run(scheme: str) -> Callable[[Numbers, Scene], Settings]:
         if n.often(0.2):
             codes = CODES[scene.stages]
             out["itineraries"] = {"mine": tuple(n.one(*codes) for _ in range(impacts))}
-                "mine": tuple(n.one(*CODES[scene.stages]) for _ in range(impacts))
-            }
         return (
             out
             | {name: n.often(0.3) for name in ("histogram", "batches", "energy")}
