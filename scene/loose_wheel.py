@@ -61,7 +61,7 @@ class LooseWheel:
     torque : float
         Drag torque in N mm at the mean speed; left out, that of the first wheel, or none.
     torque_over_rpm : sequence of pairs, or mapping, optional
-        In place of `torque`, as ``torque1_over_rpm`` of `Gears.driven`.
+        In place of `torque`, as ``torque1_over_rpm`` of `rattle.scene.Gears.driven`.
     epsilon : float, optional
         Restitution at its mesh; left out, that of the gears.
     backlash_tolerance : float
