@@ -17,27 +17,52 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from rattle.closure.moments import Trace
-from rattle.scene import SECTION, STATE, Floats, InputError, Scene, choice, line, nearest
+from rattle.scene import (
+    Floats,
+    InputError,
+    Scene,
+    choice,
+    count,
+    line,
+    nearest,
+    section_names,
+    state_names,
+)
 from rattle.scene.numpy_errors import call_users
 from rattle.scene.orbit import follow
+from rattle.scene.types import MOST_WHEELS
 
 if TYPE_CHECKING:  # loading it takes as long as all the rest
     import pandas as pd
 
 
-RHO = ("rho1", "rho2")
-PREDICTABLE = (*SECTION, *(f"{what}_{name}" for what in ("sd", "skew") for name in SECTION), *RHO)
-"""Columns of `MeanMap.section` that a closure of one's own may predict."""
 DERIVED_COLUMNS = ("realizable", "agreement", "discarded", "error_mean", "error_sd", "within")
-"""Other columns of `MeanMap.section`, which are left aside, so that a changed copy of one may be
-returned."""
+"""Other columns of `MeanMap.section` than `section_columns`, which are left aside, so that a
+changed copy of one may be returned."""
 DESCRIBED = ("itinerary", "all paths")
 """Whose moments a closure predicts: the paths that follow its itinerary, or all."""
-AT_TIMES = (*STATE, *(f"cov_{a}_{b}" for i, a in enumerate(STATE) for b in STATE[i:]), *RHO)
-"""Columns of `MeanMap.at_times`."""
 # microseconds of an impact by a function of which nothing is known, for an estimate beforehand
 GUESS = 1000.0
 UNPREDICTED = "it predicts nothing after impact {}"
+
+
+def rho_names(wheels: int) -> list[str]:
+    """``rho1, rho2, ...``: correlation of displacement and rate in each gap."""
+    return [f"rho{i}" for i in range(1, wheels + 1)]
+
+
+def section_columns(wheels: int) -> list[str]:
+    """Columns of `MeanMap.section` that a closure of one's own may predict."""
+    names = section_names(wheels)
+    of_names = [f"{what}{name}" for what in ("", "sd_", "skew_") for name in names]
+    return of_names + rho_names(wheels)
+
+
+def moment_names(wheels: int) -> list[str]:
+    """Columns of `MeanMap.at_times`."""
+    names = state_names(wheels)
+    pairs = [f"cov_{a}_{b}" for i, a in enumerate(names) for b in names[i:]]
+    return [*names, *pairs, *rho_names(wheels)]
 
 
 @dataclass(frozen=True)
@@ -55,19 +80,19 @@ class Closure:
     function : callable
         ``function(scene, impacts)``, returns a DataFrame with a row for each impact (index 1 to
         ``impacts``), or a mapping of names to as many values.  Any of the columns of
-        `MeanMap.section`: means ``tau, flight, x1, y1, x2, y2``, standard deviations ``sd_tau,
-        sd_y1, ...``, skewness ``skew_...``, correlations ``rho1, rho2``; ``mesh`` and ``side``
-        where the impacts are not those of the orbit without noise.  What is missing, masked or NaN
-        is not predicted.  It is given the scene as you gave it, and its times ``tau`` are those of
-        that scene, from ``scene.start.tau`` on.
+        `MeanMap.section`: means ``tau, flight, x1, y1, x2, y2, ...``, standard deviations
+        ``sd_tau, sd_y1, ...``, skewness ``skew_...``, correlations ``rho1, rho2, ...``; ``mesh``
+        and ``side`` where the impacts are not those of the orbit without noise.  What is missing,
+        masked or NaN is not predicted.  It is given the scene as you gave it, and its times ``tau``
+        are those of that scene, from ``scene.start.tau`` on.
     at_times : callable, optional
         ``at_times(scene, times)``, the same at fixed times: columns of `MeanMap.at_times`, a row
         for each time, or a mapping of names to as many values.  An attribute ``at_times`` of the
         function serves as well.
     predicts : sequence of str, optional
         Columns that its table must have; by default any will do.
-    stages : {1, 2}, optional
-        The number of stages that it is made for; by default both.
+    stages : int, optional
+        The number of wheels that it is made for; by default any.
     describes : {"itinerary", "all paths"}, optional
         Whose moments it predicts: those of the paths that follow its itinerary (its sequence of
         meshes and sides), or of all.  Both are judged whatever is said here; pages state it.
@@ -143,11 +168,14 @@ class Closure:
             raise InputError(
                 "closure.predicts", self.predicts, "give a list of columns, as in ('tau', 'sd_tau')"
             )
-        predicts = tuple(choice("closure.predicts", name, PREDICTABLE) for name in self.predicts)
-        if self.stages not in (None, 1, 2):
-            raise InputError(
-                "closure.stages", self.stages, "give 1 or 2, or leave it out if it is made for both"
-            )
+        known = section_columns(MOST_WHEELS)
+        few = section_columns(2)  # of which a message tells
+        predicts = tuple(
+            choice("closure.predicts", name, known if name in known else few)
+            for name in self.predicts
+        )
+        if self.stages is not None:
+            count("closure.stages", self.stages, least=1, most=MOST_WHEELS)
         if self.describes is not None:
             choice("closure.describes", self.describes, DESCRIBED)
         for name, value in (("at_times", at_times), ("predicts", predicts)):
@@ -179,7 +207,7 @@ class Closure:
     def check(self, scene: Scene) -> None:
         """Refuse a scene to which it does not apply."""
         if self.stages is not None and scene.stages != self.stages:
-            why = f"closure {self.name!r} is made for {self.stages} stage{'s' * (self.stages > 1)}"
+            why = f"closure {self.name!r} is made for {self.stages} wheel{'s' * (self.stages > 1)}"
             raise InputError("scene.stages", scene.stages, why)
 
     def trace(self, scene: Scene, impacts: int, order: int) -> Trace:
@@ -191,8 +219,10 @@ class Closure:
         except (Exception, SystemExit) as error:
             raise OwnError(error) from None
         seconds = time.process_time() - began
-        table = read_table(self.name, given, range(1, impacts + 1), self.predicts)
-        check_itinerary(self.name, table, scene.stages)
+        wheels = scene.stages
+        known = section_columns(wheels)
+        table = read_table(self.name, given, range(1, impacts + 1), "impact", known, self.predicts)
+        check_itinerary(self.name, table, wheels)
         if "tau" in table:
             table["tau"] = scene.to_local_time(table["tau"].to_numpy())
         return own_trace(scene.phase_reduced, table, seconds)
@@ -209,17 +239,16 @@ class Closure:
         import pandas as pd
 
         index = pd.Index(np.asarray(times, dtype=float))
+        names = moment_names(scene.stages)
         if self.at_times is None or not len(index):
-            return pd.DataFrame(np.nan, index=index, columns=list(AT_TIMES))
+            return pd.DataFrame(np.nan, index=index, columns=names)
         given = call_users(self.at_times, deepcopy(scene), index.to_numpy())
-        table = read_table(f"{self.name}, at_times", given, index, (), AT_TIMES).reindex(
-            columns=list(AT_TIMES)
-        )
-        for stage in (1, 2):
-            xx, xy, yy = (table[f"cov_{a}{stage}_{b}{stage}"] for a, b in ("xx", "xy", "yy"))
-            table[f"rho{stage}"] = table[f"rho{stage}"].fillna(
-                xy / np.sqrt((xx * yy).where((xx > 0.0) & (yy > 0.0)))
-            )
+        table = read_table(f"{self.name}, at_times", given, index, "time", names)
+        table = table.reindex(columns=names)
+        for i, rho in enumerate(rho_names(scene.stages), 1):
+            xx, xy, yy = (table[f"cov_{a}{i}_{b}{i}"] for a, b in ("xx", "xy", "yy"))
+            product = (xx * yy).where((xx > 0.0) & (yy > 0.0))
+            table[rho] = table[rho].fillna(xy / np.sqrt(product))
         return table
 
     def seconds(self, trace: Trace, impacts: int) -> float:
@@ -227,7 +256,7 @@ class Closure:
         counts."""
         return trace.seconds
 
-    def most_seconds(self, impacts: int) -> float:
+    def most_seconds(self, impacts: int, wheels: int) -> float:
         """A guess of the seconds, before it is called."""
         return 1e-6 * GUESS * impacts
 
@@ -259,10 +288,11 @@ def name_error(error: BaseException) -> str:
     return f"{type(error).__name__}: {text[:200]}"
 
 
-def nothing_known(time: float) -> tuple[Floats, Floats]:
+def nothing_known(wheels: int, time: float) -> tuple[Floats, Floats]:
     """Mean and covariance at a fixed time, of a closure whose moments there are asked of
     `Closure.fixed_times`."""
-    return np.full(4, np.nan), np.full((4, 4), np.nan)
+    states = 2 * wheels
+    return np.full(states, np.nan), np.full((states, states), np.nan)
 
 
 def own_trace(scene: Scene, table: "pd.DataFrame", seconds: float) -> Trace:
@@ -274,6 +304,9 @@ def own_trace(scene: Scene, table: "pd.DataFrame", seconds: float) -> Trace:
     """
     impacts = len(table)
     orbit = follow(scene, impacts)
+    wheels = scene.stages
+    names = section_names(wheels)
+    states = 2 * wheels
 
     def column(name: str, start: float = np.nan) -> Floats:
         values = table[name].to_numpy(float) if name in table else np.full(impacts, np.nan)
@@ -285,16 +318,15 @@ def own_trace(scene: Scene, table: "pd.DataFrame", seconds: float) -> Trace:
     tau = column("tau", scene.phase)
     if "tau" not in table and "flight" in table:
         tau = np.cumsum(column("flight", scene.phase))
-    sd = columns([f"sd_{name}" for name in SECTION])
-    rho = columns(RHO)
-    covariance = np.full((impacts + 1, 4, 4), np.nan)
+    sd = columns([f"sd_{name}" for name in names])
+    rho = columns(rho_names(wheels))
+    covariance = np.full((impacts + 1, states, states), np.nan)
     state = sd[:, 2:]
     # a negative sd is a negative variance
-    covariance[:, range(4), range(4)] = state * np.abs(state)
-    for j in (0, 2):
-        covariance[:, j, j + 1] = covariance[:, j + 1, j] = (
-            rho[:, j // 2] * state[:, j] * state[:, j + 1]
-        )
+    covariance[:, range(states), range(states)] = state * np.abs(state)
+    for i in range(wheels):
+        x, y = 2 * i, 2 * i + 1
+        covariance[:, x, y] = covariance[:, y, x] = rho[:, i] * state[:, x] * state[:, y]
     known = np.flatnonzero(
         table.drop(columns=["mesh", "side"], errors="ignore").notna().any(axis=1).to_numpy()
     )
@@ -303,11 +335,12 @@ def own_trace(scene: Scene, table: "pd.DataFrame", seconds: float) -> Trace:
         np.append(along[0], table[name].fillna(0).astype(int)) if name in table else along
         for name, along in (("mesh", orbit.mesh), ("side", orbit.side))
     )
-    mean = columns(STATE)
-    skew = columns([f"skew_{name}" for name in SECTION])
-    raw = np.full((impacts + 1, 2, 3, 3), np.nan)
+    mean = columns(names[2:])
+    skew = columns([f"skew_{name}" for name in names])
+    raw = np.full((impacts + 1, wheels, 3, 3), np.nan)
+    at = partial(nothing_known, wheels)
     stopped = "" if found == impacts else UNPREDICTED.format(found)
-    whole = Trace(tau, mesh, side, mean, sd, skew, covariance, raw, nothing_known, found, stopped)
+    whole = Trace(tau, mesh, side, mean, sd, skew, covariance, raw, at, found, stopped)
     return replace(whole, until=np.inf, rho=rho, seconds=seconds)
 
 
@@ -315,19 +348,19 @@ def read_table(
     whose: str,
     given: Any,
     index: Iterable[Any],
-    needed: Sequence[str],
-    known: Sequence[str] = PREDICTABLE,
+    what: str,
+    known: Sequence[str],
+    needed: Sequence[str] = (),
 ) -> "pd.DataFrame":
     """Read the table that a function of one's own returns: numbers, a row for each impact or time.
 
-    `whose`: Named in messages.  `index`: The rows that it must have; more are left aside.
-    `needed`: Columns that it must have.  `known`: Columns that it may have.  An infinite value
-    counts as not predicted.
+    `whose`: Named in messages.  `index`: The rows that it must have; more are left aside.  `what`:
+    "impact" or "time", what a row is of.  `known`: Columns that it may have.  `needed`: Columns
+    that it must have.  An infinite value counts as not predicted.
     """
     import pandas as pd
 
     rows = pd.Index(index)
-    what = "impact" if known is PREDICTABLE else "time"
     if not isinstance(given, Mapping | pd.DataFrame):
         raise InputError(
             f"result of {whose}", type(given).__name__, f"return a DataFrame, a row for each {what}"

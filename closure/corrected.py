@@ -11,7 +11,7 @@ from functools import partial
 import numpy as np
 
 from rattle.closure.edgeworth import window_shift
-from rattle.closure.moments import Trace, stage_raw_moments
+from rattle.closure.moments import Trace, check_row, check_white, gap_moments
 from rattle.scene import Constants, Floats, Scene
 from rattle.scene.flight import jacobian, noise_covariance
 from rattle.scene.impact import contact_matrix
@@ -20,11 +20,17 @@ from rattle.scene.moments import semidefinite
 from rattle.scene.orbit import Orbit, follow
 
 
-def stage_shifts(raw: Floats, state: Floats, windows: tuple[float, float], stages: int) -> Floats:
-    """Shift of the four means, from the raw moments (2, order + 1, order + 1) of the stages."""
-    shift = np.zeros(4)
-    for i in range(stages):
-        shift[2 * i : 2 * i + 2] = window_shift(raw[i], state[2 * i], windows[i], False)
+def check(scene: Scene) -> None:
+    """Refuse what the paper does not cover: another gearbox than its own, noise with a memory."""
+    check_row("corrected", scene)
+    check_white(scene)
+
+
+def gap_shifts(raw: Floats, state: Floats, windows: tuple[float, ...]) -> Floats:
+    """Shift of the means, from the raw moments (wheels, order + 1, order + 1) of the gaps."""
+    shift = np.zeros(state.size)
+    for i, window in enumerate(windows):
+        shift[2 * i : 2 * i + 2] = window_shift(raw[i], state[2 * i], window, False)
     return shift
 
 
@@ -48,20 +54,21 @@ def trace(scene: Scene, impacts: int, order: int) -> Trace:
     tau = orbit.tau
     windows = scene.windows
     # just before each impact
-    computed = np.zeros((impacts + 1, 4, 4))
-    scale = np.zeros((impacts + 1, 4))
+    states = orbit.before.shape[1]
+    computed = np.zeros((impacts + 1, states, states))
+    scale = np.zeros((impacts + 1, states))
     for k in range(1, orbit.found + 1):
         computed[k], scale[k] = _fly(
             c, orbit.mesh[k - 1], computed[k - 1], tau[k - 1], tau[k] - tau[k - 1]
         )
     computed[orbit.found + 1 :] = np.nan
     covariance = np.array([semidefinite(p, s) for p, s in zip(computed, scale, strict=True)])
-    raw = stage_raw_moments(covariance, order)
+    raw = gap_moments(covariance, order)
     mean = orbit.before.copy()
     for k in range(1, impacts + 1):
-        mean[k] += stage_shifts(raw[k], orbit.before[k], windows, c.stages)
+        mean[k] += gap_shifts(raw[k], orbit.before[k], windows)
     # no sd of tau or flight: this closure has no spread of impact times
-    sd = np.full((impacts + 1, 6), np.nan)
+    sd = np.full((impacts + 1, 2 + states), np.nan)
     sd[:, 2:] = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
     skew = np.where(sd > 0.0, 0.0, np.nan)
 
@@ -86,14 +93,11 @@ def _in_flight(
     orbit: Orbit,
     covariance: Floats,
     order: int,
-    windows: tuple[float, float],
+    windows: tuple[float, ...],
     time: float,
 ) -> tuple[Floats, Floats]:
     """Mean and covariance of the state at a local time, from the covariance before each impact."""
     k = int(np.searchsorted(orbit.tau[: orbit.found + 1], time, side="right")) - 1
     cov = semidefinite(*_fly(c, orbit.mesh[k], covariance[k], orbit.tau[k], time - orbit.tau[k]))
     state = orbit.state(time)
-    return (
-        state + stage_shifts(stage_raw_moments(cov[None], order)[0], state, windows, c.stages),
-        cov,
-    )
+    return state + gap_shifts(gap_moments(cov[None], order)[0], state, windows), cov

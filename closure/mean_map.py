@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 from rattle.closure import branching, corrected, published, saltation
 from rattle.closure.branching import RESOLUTIONS
 from rattle.closure.closure import Closure, OwnError, describe_error, import_closure, name_of
-from rattle.closure.moments import COMPONENT_MICROSECONDS, Trace, check_white
+from rattle.closure.moments import COMPONENT_MICROSECONDS, Trace, cost_factor
 from rattle.closure.result import MeanMap
 from rattle.scene import InputError, Scene, check_scene, choice, count, positive
 from rattle.scene.numpy_errors import numpy_defaults
@@ -53,13 +53,13 @@ class BuiltIn(Closure):
         at stated costs."""
         followed = min(trace.found, impacts)
         flown = int(trace.flown[: impacts + 1].sum())
-        return 1e-6 * (followed * self.impact_microseconds + flown * COMPONENT_MICROSECONDS)
+        counted = followed * self.impact_microseconds + flown * COMPONENT_MICROSECONDS
+        return 1e-6 * counted * cost_factor(trace.wheels)
 
-    def most_seconds(self, impacts: int) -> float:
+    def most_seconds(self, impacts: int, wheels: int) -> float:
         """The most that `seconds` can be: all components that it may have."""
-        return 1e-6 * (
-            impacts * self.impact_microseconds + impacts * self.components * COMPONENT_MICROSECONDS
-        )
+        of_impact = self.impact_microseconds + self.components * COMPONENT_MICROSECONDS
+        return 1e-6 * impacts * of_impact * cost_factor(wheels)
 
 
 _TABLE = (
@@ -74,7 +74,7 @@ _TABLE = (
     BuiltIn(
         "corrected",
         corrected.trace,
-        applies=check_white,
+        applies=corrected.check,
         color="#0072B2",
         marker="o",
         impact_microseconds=50.0,
@@ -90,7 +90,7 @@ _TABLE = (
     BuiltIn(
         "branching",
         branching.trace,
-        applies=check_white,
+        applies=branching.check,
         color="#E69F00",
         marker="v",
         describes="all paths",

@@ -17,12 +17,12 @@ from math import comb
 import numpy as np
 
 from rattle.closure.edgeworth import window_shift
-from rattle.closure.moments import Trace, check_white
+from rattle.closure.moments import Trace, check_row, check_white
 from rattle.scene import Constants, Floats, InputError, Scene
 from rattle.scene.compiled import jit
 from rattle.scene.damping import decay, phi1
 from rattle.scene.flight import NODES, PANEL, WEIGHTS, flow, noise_covariance
-from rattle.scene.impact import struck
+from rattle.scene.impact import strike
 from rattle.scene.linear_algebra import beyond, put
 from rattle.scene.moments import gaussian_raw_moments
 from rattle.scene.parts import SINE_ALONE
@@ -30,41 +30,44 @@ from rattle.scene.parts import SINE_ALONE
 SCAN = 0.05  # time step of the search for a counter mesh; E[x_i] moves about a tenth of a gap in it
 LONGEST_MAPPED_FLIGHT = 20.0  # longest flight; the map ends if there is no counter mesh in it
 BINOMIALS = np.array([[comb(n, k) for k in range(7)] for n in range(7)], dtype=float)
-Windows = tuple[float, float]
 
 
 @jit
 def _in_flight(
-    c: Constants, tau: float, mean: Floats, shift: Floats, raw: Floats, t: float, windows: Windows
+    c: Constants, tau: float, mean: Floats, shift: Floats, raw: Floats, t: float, windows: Floats
 ) -> tuple[Floats, Floats, Floats]:
     """Mean (Eq. 22), its shift, and the raw moments of both stages, a time `t` after the impact at
     `tau`."""
+    first = c.wheels[0]
     # the unperturbed x, y of Eqs. 7 and 10
-    y1, y2 = struck(c, 1, mean[1] - shift[1], mean[3] - shift[3])
-    x1, y1, x2, y2 = flow(c, tau, mean[0] - shift[0], y1, mean[2] - shift[2], y2, t)  # Eq. 10
+    state = beyond(mean, -1.0, shift)
+    strike(c, 1, state)
+    mean_t = flow(c, tau, state, t)  # Eq. 10
     raw_t = np.zeros(raw.shape)
-    put(raw_t[0], after_flight(raw[0], c.beta1, t, noise_covariance(c, tau, t)))  # Eq. 16
-    mean_t = np.zeros(4)
-    shift_t = np.zeros(4)
-    shift_t[0], shift_t[1] = window_shift(raw_t[0], x1, windows[0], True)
-    mean_t[0] = x1 + shift_t[0]
-    mean_t[1] = y1 + shift_t[1]
-    if c.stages == 2:
+    put(raw_t[0], after_flight(raw[0], first.beta, t, noise_covariance(c, tau, t)))  # Eq. 16
+    if c.wheels.size == 2:
         # Eq. 14; its term with E[zeta_1] stays zero, for every first moment starts at zero
-        put(raw_t[1], after_flight(raw[1], c.beta2, t, plain_covariance(c.beta2, c.sigma, t)))
-        shift_t[2], shift_t[3] = window_shift(raw_t[1], x2, windows[1], True)
-        d1 = decay(c.beta1, t)
-        d2 = decay(c.beta2, t)
+        beta2 = c.wheels[1].beta
+        put(raw_t[1], after_flight(raw[1], beta2, t, plain_covariance(beta2, c.sigma, t)))
+    shift_t = np.zeros(mean.size)
+    for i in range(c.wheels.size):
+        x = 2 * i
+        shift_t[x], shift_t[x + 1] = window_shift(raw_t[i], mean_t[x], windows[i], True)
+        mean_t[x] += shift_t[x]
+        mean_t[x + 1] += shift_t[x + 1]
+    if c.wheels.size == 2:
+        second = c.wheels[1]
+        d1 = decay(first.beta, t)
+        d2 = decay(second.beta, t)
         driver = c.alpha * np.cos(tau)
-        mean_t[2] = x2 + shift_t[2]
         mean_t[3] = (  # Eq. 22, last line
-            (mean[3] - (1.0 + c.epsilon) * mean[1] - driver) * d1
+            (mean[3] - (1.0 + first.epsilon) * mean[1] - driver) * d1
             + (mean[3] - mean[1] + driver) * d2
-            + c.gamma1 * phi1(c.beta1, t)
-            - c.gamma2 * phi1(c.beta2, t)
+            + first.gamma * phi1(first.beta, t)
+            - second.gamma * phi1(second.beta, t)
             + shift_t[3]
             - 2.0 * d2 * shift[3]
-            + ((1.0 + c.epsilon) * d1 + d2) * shift[1]
+            + ((1.0 + first.epsilon) * d1 + d2) * shift[1]
         )
     return mean_t, shift_t, raw_t
 
@@ -74,17 +77,17 @@ def after_impact(c: Constants, raw: Floats) -> Floats:
     out = raw.copy()
     n, p = np.indices(raw.shape[1:])
     changed = (p > 0) & (n + p < raw.shape[1])
-    if c.stages == 1:
-        out[0, changed] = -c.epsilon * raw[0, changed]
-    else:
-        out[0, changed] = raw[0, changed] - (1.0 + c.epsilon) * c.mu * raw[1, changed]
-        out[1, changed] = -c.epsilon * raw[1, changed]
+    last = c.wheels[-1]
+    out[-1, changed] = -last.epsilon * raw[-1, changed]
+    if c.wheels.size == 2:
+        kappa = (1.0 + last.epsilon) * last.share
+        out[0, changed] = raw[0, changed] - kappa * raw[1, changed]
     return out
 
 
 @jit
 def _counter_mesh(
-    c: Constants, tau: float, mean: Floats, shift: Floats, raw: Floats, windows: Windows
+    c: Constants, tau: float, mean: Floats, shift: Floats, raw: Floats, windows: Floats
 ) -> tuple[float, int]:
     """The smaller time at which ``E[x_i] = -E[x_i]_k``, and its stage; stage 0 if there is none."""
     earlier = 0.0
@@ -94,7 +97,7 @@ def _counter_mesh(
         now = beyond(_in_flight(c, tau, mean, shift, raw, later, windows)[0], 1.0, mean)
         best = np.inf
         stage = 0
-        for i in range(c.stages):
+        for i in range(c.wheels.size):
             f_low = before[2 * i]
             f_high = now[2 * i]
             if not f_low * f_high <= 0.0:
@@ -124,10 +127,10 @@ def _counter_mesh(
 
 
 def _covariance(raw: Floats) -> Floats:
-    """Second moments of both stages as a 4 x 4 matrix; NaN across the stages, where this closure
-    has none."""
-    out = np.full((*raw.shape[:-3], 4, 4), np.nan)
-    for i in (0, 1):
+    """Second moments of the state as a matrix; NaN across the gaps, where this closure has none."""
+    gaps = raw.shape[-3]
+    out = np.full((*raw.shape[:-3], 2 * gaps, 2 * gaps), np.nan)
+    for i in range(gaps):
         j = 2 * i
         out[..., j, j] = raw[..., i, 2, 0]
         out[..., j + 1, j + 1] = raw[..., i, 0, 2]
@@ -136,8 +139,9 @@ def _covariance(raw: Floats) -> Floats:
 
 
 def check(scene: Scene) -> None:
-    """Refuse what Eq. 10 does not cover: a start without an impact at mesh 1, another drive, noise
-    with a memory."""
+    """Refuse what Eq. 10 does not cover: another gearbox than the paper's, noise with a memory,
+    another drive, a start without an impact at mesh 1."""
+    check_row("published", scene)
     check_white(scene)
     if scene.drive != SINE_ALONE:
         raise InputError(
@@ -154,11 +158,12 @@ def check(scene: Scene) -> None:
 def trace(scene: Scene, impacts: int, order: int) -> Trace:
     """Follow the published mean map."""
     c = scene.constants
-    windows = scene.windows
+    windows = np.array(scene.windows)
     tau = np.full(impacts + 1, np.nan)
     mesh = np.zeros(impacts + 1, np.int64)
-    mean, shift = np.full((2, impacts + 1, 4), np.nan)
-    before, after = raw = np.full((2, impacts + 1, 2, order + 1, order + 1), np.nan)
+    gaps = len(windows)
+    mean, shift = np.full((2, impacts + 1, 2 * gaps), np.nan)
+    before, after = raw = np.full((2, impacts + 1, gaps, order + 1, order + 1), np.nan)
     tau[0] = scene.phase
     mesh[0] = 1
     mean[0] = scene.start_state
@@ -178,9 +183,9 @@ def trace(scene: Scene, impacts: int, order: int) -> Trace:
         after[found] = after_impact(c, before[found])
     covariance = _covariance(before)
     variance = np.diagonal(covariance, axis1=1, axis2=2)
-    sd = np.full((impacts + 1, 6), np.nan)
+    sd = np.full((impacts + 1, 2 + 2 * gaps), np.nan)
     sd[:, 2:] = np.sqrt(np.where(variance >= 0.0, variance, np.nan))
-    struck_x = np.where(mesh == 2, mean[:, 2], mean[:, 0])
+    struck_x = mean[np.arange(impacts + 1), 2 * np.maximum(mesh, 1) - 2]
     side = np.where(mesh > 0, np.copysign(1.0, struck_x), 0).astype(np.int64)
 
     ended = (
@@ -196,7 +201,7 @@ def trace(scene: Scene, impacts: int, order: int) -> Trace:
 
 def _at(
     c: Constants,
-    windows: Windows,
+    windows: Floats,
     tau: Floats,
     mean: Floats,
     shift: Floats,

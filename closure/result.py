@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from rattle.closure.closure import AT_TIMES, Closure
+from rattle.closure.closure import Closure, moment_names
 from rattle.closure.edgeworth import (
     Edgeworth,
     coefficients,
@@ -19,7 +19,7 @@ from rattle.closure.edgeworth import (
     section_density,
 )
 from rattle.closure.moments import Trace, advice, largest_error, within
-from rattle.scene import SECTION, STATE, Floats, InputError, Scene, choice, count
+from rattle.scene import Floats, InputError, Scene, choice, count, section_names, state_names
 from rattle.scene.moments import (
     RHO_ROUNDING,
     SMALLEST_DIVISOR,
@@ -39,7 +39,6 @@ DEFAULT_TOLERANCE = 0.05
 """Error of a mean, in sds, above which a bound says "simulate" where no tolerance is given; twice
 that of an sd."""
 
-VELOCITIES = ("y1", "y2")
 IMPACTS_SHOWN = 12  # impacts of an itinerary that a repr shows
 
 
@@ -51,7 +50,7 @@ class Breakdown(NamedTuple):
     impact : int
         Its number.
     stage : int
-        1 or 2; 0 if the mean flight time is negative.
+        Number of the gap, 1 to the number of wheels; 0 if the mean flight time is negative.
     reason : str
         What fails.
 
@@ -155,7 +154,7 @@ class MeanMap(SectionResult):
 
     @property
     def itinerary(self) -> tuple[int, ...]:
-        """``mesh * side`` of impacts 1, 2, ...: +1, -1, +2 or -2, and 0 where the closure has
+        """``mesh * side`` of impacts 1, 2, ...: +1, -1, +2, -2, ..., and 0 where the closure has
         ended."""
         return tuple(
             int(m * s) for m, s in zip(self.trace.mesh[1:], self.trace.side[1:], strict=True)
@@ -187,14 +186,14 @@ class MeanMap(SectionResult):
         return replace(self, trace=replace(self.trace, error=None, **own))
 
     def stage_covariance(self, impact: int, stage: int) -> Floats:
-        """Covariance of displacement and velocity of a stage just before an impact.
+        """Covariance of displacement and velocity in a gap just before an impact.
 
         Parameters
         ----------
         impact : int
             Number of the impact; 0 is the start.
-        stage : {1, 2}
-            Which stage.
+        stage : int
+            Number of the gap, from 1 on.
 
         Returns
         -------
@@ -205,31 +204,40 @@ class MeanMap(SectionResult):
         return self.trace.covariance[impact, j : j + 2, j : j + 2]
 
     def stage_realizability(self, impact: int, stage: int) -> Realizability:
-        """Whether a distribution can have the second moments of a stage; of one's own closure,
-        those it predicts."""
+        """Whether a distribution can have the second moments of a gap; of one's own closure, those
+        it predicts."""
         covariance = self.stage_covariance(impact, stage)
         t = self.trace
         if t.rho is None:
             return realizability(covariance)
         rho = float(t.rho[impact, stage - 1])
-        own = [
-            (name, sd)
-            for name, sd in zip(SECTION, t.sd[impact], strict=True)
-            if (name[-1] == "2") == (stage == 2)
-        ]
-        reasons = [f"sd of {name} = {sd:.3g} < 0" for name, sd in own if sd < 0.0]
+        times = section_names(0) if stage == 1 else ()
+        checked = (*times, f"x{stage}", f"y{stage}")
+        sds = dict(zip(self._quantities, t.sd[impact], strict=True))
+        reasons = [f"sd of {name} = {sds[name]:.3g} < 0" for name in checked if sds[name] < 0.0]
         reasons += [f"|rho| = {abs(rho):.4g} > 1"] * (abs(rho) > 1.0 + RHO_ROUNDING)
         vx, vy = covariance.diagonal()
         return Realizability(
             not reasons, ", ".join(reasons), float(vx), float(vy), rho, float("nan")
         )
 
+    @property
+    def _quantities(self) -> tuple[str, ...]:
+        """The section quantities, in the order of the trace."""
+        return section_names(self.trace.wheels)
+
+    @property
+    def _gaps_judged(self) -> range:
+        """Numbers of the gaps whose second moments are judged: those of a mixture are always
+        realizable."""
+        return range(1, self.trace.wheels + 1 if self.trace.parts is None else 1)
+
     @cached_property
     def breakdown(self) -> Breakdown | None:
         """The first impact at which the moments are not realizable, or None; those of a mixture
         always are."""
         for k in range(1, self.trace.found + 1):
-            for stage in range(1, self.scene.stages + 1) if self.trace.parts is None else ():
+            for stage in self._gaps_judged:
                 judged = self.stage_realizability(k, stage)
                 if not judged.realizable:
                     return Breakdown(k, stage, judged.reason)
@@ -243,9 +251,9 @@ class MeanMap(SectionResult):
         """Moments of the state just before impact 1, 2, ... (dimensionless); NaN where the closure
         predicts none.
 
-        Columns: ``tau, flight, mesh, side, x1, y1, x2, y2``, ``sd_`` and ``skew_`` of each
-        quantity, ``rho1, rho2`` (correlation of displacement and velocity perturbation of a stage)
-        and ``realizable`` (false also for a negative mean flight time); for ``branching`` also
+        Columns: ``tau, flight, mesh, side, x1, y1, x2, y2, ...``, ``sd_`` and ``skew_`` of each
+        quantity, ``rho1, rho2, ...`` (correlation of displacement and velocity perturbation in a
+        gap) and ``realizable`` (false also for a negative mean flight time); for ``branching`` also
         ``agreement``, the predicted share of paths that have followed the orbit's itinerary so far,
         ``discarded``, the probability discarded so far, ``error_mean`` and ``error_sd``, the bounds
         of the errors of the worst mean and the worst sd in sds (by quantity in `errors`; the
@@ -265,18 +273,17 @@ class MeanMap(SectionResult):
             "flight": flight,
         }
         columns |= {"mesh": t.mesh[1:], "side": t.side[1:]}
-        columns |= {name: t.mean[1:, i] for i, name in enumerate(STATE)}
-        columns |= {f"sd_{name}": t.sd[1:, i] for i, name in enumerate(SECTION)}
-        columns |= {f"skew_{name}": t.skew[1:, i] for i, name in enumerate(SECTION)}
+        columns |= {name: t.mean[1:, i] for i, name in enumerate(state_names(t.wheels))}
+        columns |= {f"sd_{name}": t.sd[1:, i] for i, name in enumerate(self._quantities)}
+        columns |= {f"skew_{name}": t.skew[1:, i] for i, name in enumerate(self._quantities)}
         impacts = range(1, self.impacts + 1)
-        for stage in (1, 2):
+        for stage in range(1, t.wheels + 1):
             rho = [correlation(self.stage_covariance(k, stage)) for k in impacts]
             columns[f"rho{stage}"] = rho if t.rho is None else t.rho[1:, stage - 1]
-        stages = range(1, self.scene.stages + 1) if t.parts is None else ()
         columns["realizable"] = [
             k <= t.found
             and not t.tau[k] < t.tau[k - 1]
-            and all(self.stage_realizability(k, stage).realizable for stage in stages)
+            and all(self.stage_realizability(k, stage).realizable for stage in self._gaps_judged)
             for k in impacts
         ]
         table = pd.DataFrame(columns, index=pd.RangeIndex(1, self.impacts + 1, name="impact"))
@@ -291,8 +298,6 @@ class MeanMap(SectionResult):
                 t.error, DEFAULT_TOLERANCE if self.tolerance is None else self.tolerance
             )[1:]
             table.loc[t.found + 1 :, "within"] = False
-        if self.scene.stages == 1:
-            table[["x2", "y2", "sd_x2", "sd_y2", "skew_x2", "skew_y2", "rho2"]] = np.nan
         return table
 
     @property
@@ -304,7 +309,7 @@ class MeanMap(SectionResult):
         if self.trace.error is None:
             return None
         index = pd.MultiIndex.from_product(
-            [range(1, self.impacts + 1), SECTION], names=["impact", "quantity"]
+            [range(1, self.impacts + 1), self._quantities], names=["impact", "quantity"]
         )
         table = pd.DataFrame(
             self.trace.error[1:].transpose(0, 2, 1).reshape(-1, 2), index, ["mean", "sd"]
@@ -318,8 +323,8 @@ class MeanMap(SectionResult):
     def at_times(
         self, times: Sequence[float] | Floats, units: str = "dimensionless"
     ) -> pd.DataFrame:
-        """Means, covariances and ``rho1, rho2`` of the state at fixed times between the start and
-        the last impact.
+        """Means, covariances and ``rho1, rho2, ...`` of the state at fixed times between the start
+        and the last impact.
 
         Parameters
         ----------
@@ -331,11 +336,11 @@ class MeanMap(SectionResult):
         Returns
         -------
         DataFrame
-            Index ``time``; columns ``x1, y1, x2, y2``, ``cov_x1_x1, cov_x1_y1, ...`` and ``rho1,
-            rho2``.  In physical units index ``time_ms`` and columns ``x1_mm, y1_mm_per_s, ...,
-            cov_x1_x1_mm2, cov_x1_y1_mm2_per_s, ...``. ``branching`` counts every path on the flight
-            on which it is at that time, whichever that is; NaN where the flights that it follows
-            (twice as many as impacts, and eight) do not hold nearly all paths.
+            Index ``time``; columns ``x1, y1, x2, y2, ...``, ``cov_x1_x1, cov_x1_y1, ...`` and
+            ``rho1, rho2, ...``.  In physical units index ``time_ms`` and columns ``x1_mm,
+            y1_mm_per_s, ..., cov_x1_x1_mm2, cov_x1_y1_mm2_per_s, ...``. ``branching`` counts every
+            path on the flight on which it is at that time, whichever that is; NaN where the flights
+            that it follows (twice as many as impacts, and eight) do not hold nearly all paths.
 
         Raises
         ------
@@ -379,8 +384,10 @@ class MeanMap(SectionResult):
                     f"{self.scene.to_absolute_time(low):g} to {self.scene.to_absolute_time(high):g}"
                 )
                 raise InputError("times", time, f"lies outside the times followed, {followed}")
-        rows = [row_of_moments(*self.trace.at(own), self.scene.stages) for own in local]
-        table = pd.DataFrame(rows, index=index, columns=list(AT_TIMES), dtype=float)
+        rows = [row_of_moments(*self.trace.at(own)) for own in local]
+        table = pd.DataFrame(
+            rows, index=index, columns=moment_names(self.trace.wheels), dtype=float
+        )
         return at_times_in(table, self.scene.gears, units)
 
     def density(self, impact: int, quantity: str, values: Floats) -> Floats | None:
@@ -394,7 +401,7 @@ class MeanMap(SectionResult):
         impact : int
             Number of the impact, from 1 on.
         quantity : str
-            One of ``tau, flight, x1, y1, x2, y2``.
+            One of ``tau, flight, x1, y1, x2, y2, ...``.
         values : ndarray
             Where to evaluate it; tau in local time (`Scene.phase`).
 
@@ -408,7 +415,7 @@ class MeanMap(SectionResult):
         InputError
             For an unknown quantity or an impact that was not requested.
         """
-        i = SECTION.index(choice("quantity", quantity, SECTION))
+        i = self._quantities.index(choice("quantity", quantity, self._quantities))
         count("impact", impact, least=1, most=self.impacts)
         if impact > self.trace.found or self.trace.sd[impact, i] ** 2 < SMALLEST_DIVISOR:
             # the displacement at the wall that is struck is one value, which has no density
@@ -425,9 +432,9 @@ class MeanMap(SectionResult):
         mean = float(self.phase_reduced.section[quantity].loc[impact])
         if np.isfinite(skew) and sd > 0.0 and np.isfinite(mean):
             return section_density(values, mean, sd, skew)
-        if quantity not in VELOCITIES or self.trace.rho is not None:
+        if not quantity.startswith("y") or self.trace.rho is not None:
             return None
-        stage = VELOCITIES.index(quantity) + 1
+        stage = int(quantity[1:])
         vx, vy = self.stage_covariance(impact, stage).diagonal()
         if not has_series(vx, vy, self.order):
             return None
@@ -435,14 +442,14 @@ class MeanMap(SectionResult):
         return series.velocity_density(np.asarray(values) - self.trace.mean[impact, 2 * stage - 1])
 
     def edgeworth(self, impact: int, stage: int) -> Edgeworth:
-        """Edgeworth series of a stage's perturbation just before an impact (Eqs. 18, 19).
+        """Edgeworth series of the perturbation in a gap just before an impact (Eqs. 18, 19).
 
         Parameters
         ----------
         impact : int
             Number of the impact, from 1 on.
-        stage : {1, 2}
-            Which stage.
+        stage : int
+            Number of the gap, from 1 on.
 
         Returns
         -------
@@ -455,7 +462,7 @@ class MeanMap(SectionResult):
             If a variance is not positive there: no series can be formed.
         """
         count("impact", impact, least=1, most=max(self.trace.found, 1))
-        count("stage", stage, least=1, most=self.scene.stages)
+        count("stage", stage, least=1, most=self.trace.wheels)
         raw = self.trace.raw[impact, stage - 1]
         if not has_series(raw[2, 0], raw[0, 2], self.order):
             raise InputError(
@@ -475,11 +482,8 @@ def _as_list(times: Sequence[float] | Floats) -> list[float]:
         raise InputError("times", times, "give a sequence of times") from None
 
 
-def row_of_moments(mean: Floats, covariance: Floats, stages: int) -> list[float]:
-    """One row of a table of moments at fixed times, `AT_TIMES`; NaN of an absent stage."""
-    if stages == 1:
-        mean = mean.copy()
-        covariance = covariance.copy()
-        mean[2:] = covariance[2:] = covariance[:, 2:] = np.nan
-    rho = (correlation(covariance[j : j + 2, j : j + 2]) for j in (0, 2))
-    return [*mean.tolist(), *covariance[np.triu_indices(4)].tolist(), *rho]
+def row_of_moments(mean: Floats, covariance: Floats) -> list[float]:
+    """One row of a table of moments at fixed times, `rattle.closure.closure.moment_names`."""
+    gaps = range(0, len(mean), 2)
+    rho = (correlation(covariance[j : j + 2, j : j + 2]) for j in gaps)
+    return [*mean.tolist(), *covariance[np.triu_indices(len(mean))].tolist(), *rho]

@@ -2,10 +2,10 @@
 (docs/model.md section 6).
 
 What is propagated is the state that each path has at its own k-th impact (the section state: ``tau,
-x1, y1, x2, y2``, then the deviations of the flanks where they vary, or a noise's memory), by the
-derivative of the map from section to section; at fixed times that is the saltation matrix ``Xi = R
-+ (F+ - R F-) g' / (g' F-)``.  From order 3 on, the second derivatives add the shift of the mean, an
-O(sigma^2) effect, and the third cumulants.
+x1, y1, x2, y2, ...``, then the deviations of the flanks where they vary, or a noise's memory), by
+the derivative of the map from section to section; at fixed times that is the saltation matrix ``Xi
+= R + (F+ - R F-) g' / (g' F-)``.  From order 3 on, the second derivatives add the shift of the
+mean, an O(sigma^2) effect, and the third cumulants.
 """
 
 import math
@@ -14,9 +14,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rattle.closure.moments import Trace, stage_raw_moments
+from rattle.closure.moments import Trace, gap_moments
 from rattle.closure.section_map import (
     column,
+    plain_size,
     redrawn_variances,
     section_derivatives,
     start_covariance,
@@ -24,12 +25,11 @@ from rattle.closure.section_map import (
 from rattle.scene import Constants, Floats, Ints, Scene, memory
 from rattle.scene.flight import field, jacobian, noise_covariance, noise_rate
 from rattle.scene.impact import contact_matrix, slowest_impact
-from rattle.scene.linear_algebra import add_product, image, product, totals, transform
+from rattle.scene.linear_algebra import image, product, totals, transform
+from rattle.scene.long_orbit import struck_speeds
 from rattle.scene.moments import SMALLEST_DIVISOR, semidefinite
 from rattle.scene.orbit import Impacts, Orbit, follow
 
-SECTION_PLACES = np.array([0, 2, 3, 4, 5])  # of tau and of the state among the section quantities
-STATES = np.arange(5)
 IMPACTS_AT_ONCE = 256  # impacts whose derivatives are computed at once
 
 
@@ -65,8 +65,8 @@ def section_steps(c: Constants, at: Impacts, d: int) -> Steps:
         kick[:, d - 1] = 1.0 / c.memory
     else:
         noise = np.array([noise_covariance(c, s, t) for s, t in flights])
-        rate = np.array([noise_rate(c, s + t) for s, t in flights])
-        kick[:, 2 : 1 + 2 * c.stages : 2] = c.sigma * rate[:, : c.stages]
+        for i in range(c.wheels.size):
+            kick[:, 2 + 2 * i] = [c.sigma * noise_rate(c, s + t, i) for s, t in flights]
     return Steps(first, hessian, bent, noise, kick)
 
 
@@ -103,8 +103,8 @@ def propagate(
 
     `found`: How many impacts there are. `start`: Covariance of the section state after the start;
     its size tells whether flanks vary. `redrawn`: See
-    `rattle.closure.section_map.redrawn_variances`. Shapes: `start` (d, d); result (impacts + 1, 6);
-    result (impacts + 1, d, d).
+    `rattle.closure.section_map.redrawn_variances`. Shapes: `start` (d, d); result (impacts + 1,
+    2 + 2 wheels); result (impacts + 1, d, d).
     """
     tau = at.tau
     mesh = at.mesh
@@ -112,14 +112,17 @@ def propagate(
     before = at.before
     count = tau.size
     d = start.shape[0]
-    shift, sd, skew = np.full((3, count, 6), np.nan)
+    plain = plain_size(c)
+    quantities = np.arange(plain)
+    places = np.append(0, quantities[1:] + 1)  # of tau and the state among the section quantities
+    shift, sd, skew = np.full((3, count, plain + 1), np.nan)
     section, covariance = np.full((2, count, d, d), np.nan)  # before the impact, and after it
     section[0] = covariance[0] = start
     moved = np.zeros(d)
     third = np.zeros((d, d, d))
-    speed = np.where(mesh == 1, before[:, 1], before[:, 3])[1 : found + 1]
+    speed = struck_speeds(mesh[1 : found + 1], before[1 : found + 1])
     found = int(np.append(np.abs(speed) < slowest_impact(c, before[0]), True).argmax())
-    hits = {m: contact_matrix(c, m, d, 1) for m in (1, 2)}
+    hits = {m: contact_matrix(c, m, d, 1) for m in range(1, c.wheels.size + 1)}
     for low in range(0, found, IMPACTS_AT_ONCE):
         high = min(low + IMPACTS_AT_ONCE, found)
         ends = slice(low, high + 1)
@@ -134,13 +137,13 @@ def propagate(
             section[k] = transform(flown, covariance[k - 1]) + noise
             covariance[k] = transform(hits[mesh[k]], section[k])
             if redrawn.size:
-                flank = column(mesh[k], -side[k])
+                flank = column(c.wheels.size, mesh[k], -side[k])
                 covariance[k, flank] = covariance[k, :, flank] = 0.0
-                covariance[k, flank, flank] = redrawn[flank - 5]
+                covariance[k, flank, flank] = redrawn[flank - plain]
         p = covariance[low:high]
         cross = _dot(linear[:, 0], p[:, 0])  # cov(tau_k, tau_k-1)
         spread = section[part, 0, 0] + p[:, 0, 0] - 2.0 * cross  # variance of the flight time
-        own = np.diagonal(section[part], axis1=1, axis2=2)[:, :5]
+        own = np.diagonal(section[part], axis1=1, axis2=2)[:, :plain]
         sd[part] = np.sqrt(np.maximum(np.column_stack([own[:, 0], spread, own[:, 1:]]), 0.0))
         if not second:
             continue
@@ -152,20 +155,20 @@ def propagate(
             totals(hessian[:, :, :d, :d] * p[:, None]) + totals(hessian[:, :, d:, d:] * q[:, None])
         )
         thirds = np.empty((high - low, d, d, d))
-        cubes = np.empty((high - low, 5))
+        cubes = np.empty((high - low, plain))
         for n, k in enumerate(range(low + 1, high + 1)):
             last = moved[0]
             moved = image(linear[n], moved)
             thirds[n] = third
             third = map_cumulants(linear[n], third, made[n])
             moved[steps.bent] += bent[n]
-            shift[k, SECTION_PLACES] = moved[:5]
+            shift[k, places] = moved[:plain]
             shift[k, 1] = moved[0] - last
-            cubes[n] = third[STATES, STATES, STATES]
+            cubes[n] = third[quantities, quantities, quantities]
             moved = image(hits[mesh[k]], moved)
             third = map_cumulants(hits[mesh[k]], third, np.zeros_like(third))
             if redrawn.size:
-                flank = column(mesh[k], -side[k])
+                flank = column(c.wheels.size, mesh[k], -side[k])
                 moved[flank] = 0.0
                 third[flank] = third[:, flank] = third[:, :, flank] = 0.0
         cube = sd[part] * sd[part] * sd[part]
@@ -192,11 +195,12 @@ def trace(scene: Scene, impacts: int, order: int) -> Trace:
     tau = orbit.tau + np.nan_to_num(shift[:, 0])
     mean[found + 1 :] = np.nan
     tau[found + 1 :] = np.nan
-    covariance = np.full((impacts + 1, 4, 4), np.nan)
+    states = orbit.before.shape[1]
+    covariance = np.full((impacts + 1, states, states), np.nan)
     for k in range(found + 1):
-        rate = field(c, orbit.tau[k], orbit.before[k, 1], orbit.before[k, 3]) if k else np.zeros(4)
-        covariance[k] = _at_one_time(rate, section[k, :5, :5], np.eye(4))
-    raw = stage_raw_moments(covariance, order)
+        rate = field(c, orbit.tau[k], orbit.before[k]) if k else np.zeros(states)
+        covariance[k] = _at_one_time(rate, section[k, : states + 1, : states + 1], np.eye(states))
+    raw = gap_moments(covariance, order)
 
     at = partial(_in_flight, c, orbit, found, after)
     mesh = orbit.mesh.copy()
@@ -225,25 +229,27 @@ def _in_flight(
     """Mean and covariance of the state at a local time, from the covariance of the section state
     after each impact."""
     k = int(np.searchsorted(orbit.tau[: found + 1], time, side="right")) - 1
-    rate = field(c, orbit.tau[k], orbit.after[k, 1], orbit.after[k, 3])
-    t = time - orbit.tau[k]
+    begin = orbit.tau[k]
+    rate = field(c, begin, orbit.after[k])
+    t = time - begin
+    known = np.arange(plain_size(c))
     if c.memory:
-        known = [0, 1, 2, 3, 4, len(after[k]) - 1]
-        section = after[k][np.ix_(known, known)]
-        flown = _at_one_time(
-            np.append(rate, 0.0), section, memory.propagator(c, orbit.tau[k], t)[0][:4]
-        )
-        return orbit.state(time), flown + memory.covariance(c, orbit.tau[k], t)[0][:4, :4]
-    flown = _at_one_time(rate, after[k, :5, :5], jacobian(c, t))
-    return orbit.state(time), flown + noise_covariance(c, orbit.tau[k], t)
+        known = np.append(known, len(after[k]) - 1)
+        rate = np.append(rate, 0.0)
+        flown = memory.propagator(c, begin, t)[0][:-1]
+        noise = memory.covariance(c, begin, t)[0][:-1, :-1]
+    else:
+        flown = jacobian(c, t)
+        noise = noise_covariance(c, begin, t)
+    spread = _at_one_time(rate, after[k][np.ix_(known, known)], flown)
+    return orbit.state(time), spread + noise
 
 
 def _at_one_time(rate: Floats, section: Floats, flown: Floats) -> Floats:
-    """Covariance of the state at one time: ``xi = delta s - F delta tau`` propagated by a flight,
-    shape (4, 4).
+    """Covariance of the state at one time: ``xi = delta s - F delta tau`` propagated by a flight.
 
-    Shapes: `rate` (n,); `section` (n + 1, n + 1); `flown` (4, n), n = 5 with noise that has a
-    memory.
+    Shapes: `rate` (n,); `section` (n + 1, n + 1); `flown` (2 wheels, n), n = 2 wheels, or one more
+    where the noise has a memory; result (2 wheels, 2 wheels).
     """
     fixed = product(flown, np.concatenate([-rate[:, None], np.eye(len(rate))], axis=1))
     sd = np.sqrt(np.maximum(np.diagonal(section), 0.0))
@@ -286,12 +292,9 @@ def _over_pairs(pair: Floats, other: Floats) -> Floats:
 def map_cumulants(linear: Floats, third: Floats, produced: Floats) -> Floats:
     """Third cumulants after a linear map, added to others; shapes (d, d), (d, d, d) and (d, d,
     d)."""
-    d = len(linear)
-    out = produced.copy()
-    along = product(linear, third.transpose(1, 0, 2).reshape(d, -1)).reshape(d * d, d)
-    turned = product(along, linear.T).reshape(d, d, d).transpose(1, 0, 2)
-    add_product(np.ascontiguousarray(linear), turned.reshape(d, -1), out.reshape(d, -1))
-    return out
+    along = product(linear, third.transpose(1, 0, 2).reshape(len(linear), -1))
+    turned = product(along.reshape(third.shape), linear.T).transpose(1, 0, 2)
+    return produced + product(linear, turned.reshape(len(linear), -1)).reshape(third.shape)
 
 
 def flight_cumulants(

@@ -1,16 +1,17 @@
 """The section state, random backlash in it, and the map from a path's own impact to its own next
 one.
 
-The section state at the k-th impact is ``s = (tau, x1, y1, x2, y2)``, followed by the deviations of
-four flanks where they vary, in the order +1, -1, +2, -2; flank ``side`` of a mesh stands at ``side
-(g + c)``, c its deviation. ``s' = H(s, n)``: let the path fly for the orbit's flight time, add the
-flight's noise ``n ~ N(0, Q)``, and continue (or go back) without noise to the path's own wall.
+The section state at the k-th impact is ``s = (tau, x1, y1, x2, y2, ...)``, followed by the
+deviations of two flanks of each mesh where they vary, in the order +1, -1, +2, -2, ...; flank
+``side`` of a mesh stands at ``side (g + c)``, c its deviation. ``s' = H(s, n)``: let the path fly
+for the orbit's flight time, add the flight's noise ``n ~ N(0, Q)``, and continue (or go back)
+without noise to the path's own wall.
 
-A deviation that is drawn once per path is `DEVIATION_PIECES` Gaussians for the branching closure,
-each with the mean and variance of the distribution in one cell of ``[-c_max, c_max]``: the tails of
-a single one reach events that no gear has (the means of DAT21 without noise are wrong by 0.2 sds
-with one, by 0.02 with six).  One that is drawn anew at each contact is one Gaussian: several would
-use up mixture components that the itineraries need.
+A deviation that is drawn once per path is up to `DEVIATION_PIECES` Gaussians for the branching
+closure, each with the mean and variance of the distribution in one cell of ``[-c_max, c_max]``: the
+tails of a single one reach events that no gear has (the means of DAT21 without noise are wrong by
+0.2 sds with one, by 0.02 with six).  One that is drawn anew at each contact is one Gaussian:
+several would use up mixture components that the itineraries need.
 """
 
 import math
@@ -25,15 +26,17 @@ from rattle.scene.elementary import each, gauss_legendre
 from rattle.scene.flight import field, field_rate, jacobian, system_matrix
 from rattle.scene.linear_algebra import add_outer, apply, put_scaled, times, transform
 from rattle.scene.orbit import Impacts
+from rattle.scene.parts import UNIT_VARIANCE
 from rattle.scene.tangent import land
 from rattle.scene.types import CUT
 
 Number = TypeVar("Number", int, Ints)
 
-PLAIN_COMPONENTS = 5  # components of the section state where no flank varies
 # smallest half gap, as a share of the nominal one: the tail of a Gaussian must not close the gap
 NARROWEST = 0.01
 DEVIATION_PIECES = 6  # Gaussians for the distribution of a deviation that is drawn once per path
+# most combinations of them, over all meshes: with more random meshes each has fewer Gaussians
+MOST_COMBINATIONS = 36
 CELL_NODES = 20  # of the quadrature over a cell
 
 
@@ -46,16 +49,29 @@ class Pieces(NamedTuple):
     variance: Floats
 
 
+@internal
+def plain_size(c: Constants) -> int:
+    """Components of the section state where no flank varies: tau, and x and y of every gap."""
+    size: int = 1 + 2 * c.wheels.size
+    return size
+
+
 def random_tolerance(scene: Scene) -> Tolerance | None:
     """The tolerance of a scene if a flank is random."""
-    tolerance = scene.tolerance
-    return tolerance if tolerance is not None and any(tolerance.variances[: scene.stages]) else None
+    return scene.tolerance if flank_variances(scene).any() else None
 
 
-def pieces(distribution: str) -> Pieces:
-    """A random deviation as a mixture, one Gaussian for each of `DEVIATION_PIECES` cells that are
-    narrower towards the ends."""
-    edges = -each(math.cos, np.linspace(0.0, np.pi, DEVIATION_PIECES + 1))
+def flank_variances(scene: Scene) -> Floats:
+    """Variances of the deviations of both flanks of each mesh, shape (2 wheels,)."""
+    widths = np.array([wheel.tolerance for wheel in scene.tree])
+    unit = UNIT_VARIANCE[scene.tolerance.distribution] if scene.tolerance is not None else 0.0
+    return np.repeat(widths**2 * unit, 2)
+
+
+def pieces(distribution: str, count: int) -> Pieces:
+    """A random deviation as a mixture, one Gaussian for each of `count` cells that are narrower
+    towards the ends."""
+    edges = -each(math.cos, np.linspace(0.0, np.pi, count + 1))
     node, share = gauss_legendre(CELL_NODES)
     c = 0.5 * (edges[:-1, None] + edges[1:, None] + np.diff(edges)[:, None] * node)
     mass = share * np.diff(edges)[:, None]
@@ -69,106 +85,88 @@ def pieces(distribution: str) -> Pieces:
 
 def _place(scene: Scene) -> Floats:
     """Derivative of the section state after the start with respect to the deviations of the flanks,
-    shape (9, 4)."""
-    out = np.zeros((9, 4))
-    out[5:] = np.eye(4)
-    for row, x, gap, flank in (
-        (1, scene.start.x1, scene.gap1, 0),
-        (3, scene.start.x2, scene.gap2, 2),
-    ):
-        if abs(x) == gap:  # the start lies on each path's own flank
-            out[row, flank + (0 if x > 0.0 else 1)] = np.sign(x)
+    shape (1 + 4 wheels, 2 wheels)."""
+    flanks = 2 * len(scene.tree)
+    out = np.eye(1 + 2 * flanks, flanks, -1 - flanks)
+    for i, (wheel, x) in enumerate(zip(scene.tree, scene.start.values[::2], strict=False)):
+        if abs(x) == wheel.gap:  # the start lies on each path's own flank
+            out[1 + 2 * i, 2 * i + (x < 0.0)] = np.sign(x)
     return out
 
 
 def start_covariance(scene: Scene) -> Floats:
     """Covariance of the section state after the start, which only random flanks give it.
 
-    Returns: Of ``(tau, x1, y1, x2, y2)`` and the deviations of +1, -1, +2, -2. Shapes: result (9,
-    9), or (5, 5) where no flank varies.
+    Returns: Of ``(tau, x1, y1, ...)``, and of the deviations of +1, -1, +2, -2, ... where flanks
+    vary. Shapes: result (1 + 4 wheels, 1 + 4 wheels), or (1 + 2 wheels, 1 + 2 wheels).
     """
     tolerance = random_tolerance(scene)
     if tolerance is None:
-        return np.zeros((PLAIN_COMPONENTS, PLAIN_COMPONENTS))
-    variance = np.repeat(tolerance.variances, 2)
-    if scene.stages == 1:
-        variance[2:] = 0.0
+        return np.zeros((1 + 2 * len(scene.tree),) * 2)
+    variance = flank_variances(scene)
     flanks = np.diag(variance)
     if tolerance.draw == "path":  # both flanks of a mesh have one deviation
-        flanks[[0, 1], [1, 0]] = variance[0]
-        flanks[[2, 3], [3, 2]] = variance[2]
+        for plus in range(0, len(variance), 2):
+            flanks[plus, plus + 1] = flanks[plus + 1, plus] = variance[plus]
     return transform(_place(scene), flanks)
 
 
 def redrawn_variances(scene: Scene) -> Floats:
-    """Variances of the deviations of +1, -1, +2, -2 that contacts draw anew, shape (4,); empty if
-    none are."""
+    """Variances of the deviations of +1, -1, +2, -2, ... that contacts draw anew, shape
+    (2 wheels,); empty if none are."""
     tolerance = random_tolerance(scene)
-    return (
-        np.repeat(tolerance.variances, 2)
-        if tolerance and tolerance.draw == "contact"
-        else np.zeros(0)
-    )
+    return flank_variances(scene) if tolerance and tolerance.draw == "contact" else np.zeros(0)
 
 
 def start_pieces(scene: Scene) -> Pieces:
     """The section state after the start relative to the orbit's, as a mixture over the deviations
     drawn once per path.
 
-    Returns: Over 9 quantities, or 5 where no flank varies; one component if deviations are drawn
-    per contact.
+    Returns: Over 1 + 4 wheels quantities, or 1 + 2 wheels where no flank varies; one component if
+    deviations are drawn per contact.
     """
     tolerance = random_tolerance(scene)
     if tolerance is None or tolerance.draw == "contact":
         whole = start_covariance(scene)
         return Pieces(np.ones(1), np.zeros((1, len(whole))), whole[None])
-    cut = pieces(tolerance.distribution)
+    widths = {i: wheel.tolerance for i, wheel in enumerate(scene.tree) if wheel.tolerance > 0.0}
+    most = int(MOST_COMBINATIONS ** (1.0 / len(widths)) + 1e-9)
+    cut = pieces(tolerance.distribution, min(DEVIATION_PIECES, most))
     to = _place(scene)
+    d = len(to)
     weight = np.ones(1)
-    mean = np.zeros((1, 9))
-    variance = np.zeros((1, 9, 9))
-    for i, size in enumerate((tolerance.c1_max, tolerance.c2_max)[: scene.stages]):
-        if size > 0.0:
-            # both flanks of a mesh have one deviation
-            by = size * (to[:, 2 * i] + to[:, 2 * i + 1])
-            weight = (weight[:, None] * cut.weight).ravel()
-            mean = (mean[:, None] + cut.mean[:, None] * by).reshape(-1, 9)
-            variance = (variance[:, None] + cut.variance[:, None, None] * np.outer(by, by)).reshape(
-                -1, 9, 9
-            )
+    mean = np.zeros((1, d))
+    variance = np.zeros((1, d, d))
+    for i, width in widths.items():
+        # both flanks of a mesh have one deviation
+        by = width * (to[:, 2 * i] + to[:, 2 * i + 1])
+        weight = (weight[:, None] * cut.weight).ravel()
+        mean = (mean[:, None] + cut.mean[:, None] * by).reshape(-1, d)
+        spread = cut.variance[:, None, None] * np.outer(by, by)
+        variance = (variance[:, None] + spread).reshape(-1, d, d)
     return Pieces(weight, mean, variance)
 
 
 @internal
-def column(mesh: Number, side: Number) -> Number:
+def column(wheels: int, mesh: Number, side: Number) -> Number:
     """Index of a flank's deviation in the section state; of arrays, one by one."""
-    return 3 + 2 * mesh + (side < 0)
+    return 2 * (wheels + mesh) - 1 + (side < 0)
 
 
 @internal
-def between(c: Constants, e: Floats) -> tuple[Constants, float, float]:
-    """A scene with given flank deviations: its half gaps, and the centres of the gaps.
+def between(c: Constants, e: Floats, middle: Floats) -> Constants:
+    """A scene with given flank deviations, in its half gaps; the centres of the gaps are written to
+    `middle`.
 
-    Shapes: `e` (9,).
+    Shapes: `e` (1 + 4 wheels,); `middle` (wheels,).
     """
-    wall1 = max(c.wall1 + 0.5 * (e[5] + e[6]), NARROWEST * c.wall1)
-    wall2 = max(c.wall2 + 0.5 * (e[7] + e[8]), NARROWEST * c.wall2)
-    own = Constants(
-        c.alpha,
-        c.epsilon,
-        c.beta1,
-        c.beta2,
-        c.gamma1,
-        c.gamma2,
-        c.mu,
-        wall1,
-        wall2,
-        c.sigma,
-        c.stages,
-        c.drive,
-        c.memory,
-    )
-    return own, 0.5 * (e[5] - e[6]), 0.5 * (e[7] - e[8])
+    wheels = c.wheels.copy()
+    for i in range(wheels.size):
+        plus = column(wheels.size, i + 1, 1)
+        wall = wheels[i].wall
+        wheels[i].wall = max(wall + 0.5 * (e[plus] + e[plus + 1]), NARROWEST * wall)
+        middle[i] = 0.5 * (e[plus] - e[plus + 1])
+    return Constants(c.alpha, c.sigma, wheels, c.drive, c.memory)
 
 
 class LinearFlight(NamedTuple):
@@ -186,7 +184,7 @@ class LinearFlight(NamedTuple):
     turned: Floats  # derivative by the time of the start of the effect of the memory; (k,)
 
 
-@internal
+@jit
 def linearise_flight(
     c: Constants, tau: float, after: Floats, t: float, before: Floats
 ) -> LinearFlight:
@@ -195,11 +193,11 @@ def linearise_flight(
     return LinearFlight(
         jacobian(c, t),
         system_matrix(c),
-        field(c, tau, after[1], after[3]),
-        field(c, tau + t, before[1], before[3]),
+        field(c, tau, after),
+        field(c, tau + t, before),
         field_rate(c, tau),
         field_rate(c, tau + t),
-        np.zeros(4),
+        np.zeros(before.size),
     )
 
 
@@ -211,7 +209,7 @@ def _linearise_with_memory(
     begun, rate, initial, explicit = (np.append(drift, 0.0) for drift in white[2:6])
     propagator, turned = memory.propagator(c, tau, t)
     matrix = memory.matrix(c, tau + t)
-    return LinearFlight(propagator, matrix, begun, rate, initial, explicit, turned[:, 4].copy())
+    return LinearFlight(propagator, matrix, begun, rate, initial, explicit, turned[:, -1].copy())
 
 
 def section_derivatives(c: Constants, at: Impacts, d: int) -> tuple[Floats, Floats, Ints]:
@@ -228,14 +226,16 @@ def section_derivatives(c: Constants, at: Impacts, d: int) -> tuple[Floats, Floa
         )
     ]
     first, second = (np.array(derivative) for derivative in zip(*of_flights, strict=True))
-    bent = [0, *(section_index(k, d) for k in range(second.shape[1] - 1))]
+    states = second.shape[1] - 1
+    bent = [0, *(section_index(k, states, d) for k in range(states))]
     return first, second, np.array(bent)
 
 
 @internal
-def section_index(k: int, d: int) -> int:
-    """Index of component k of the state, the last of which is a memory, in the section state."""
-    return 1 + k if k < 4 else d - 1
+def section_index(k: int, states: int, d: int) -> int:
+    """Index of component k of the state in the section state; a memory, which makes their number
+    odd, is the last of both."""
+    return d - 1 if k + 1 == states and states % 2 == 1 else 1 + k
 
 
 @jit
@@ -253,8 +253,9 @@ def derivatives(flight: LinearFlight, mesh: int, side: int, d: int) -> tuple[Flo
     propagator = flight.propagator
     states = drift_rate.size
     size = d + states
+    has_memory = states % 2 == 1
     i = 2 * mesh - 1  # place of the struck displacement
-    flank = column(mesh, side)
+    flank = column(states // 2, mesh, side)
     varies = d > states + 1
     # of the section state at the orbit's impact time, later on its wall; its drift, and how that
     # changes
@@ -263,17 +264,17 @@ def derivatives(flight: LinearFlight, mesh: int, side: int, d: int) -> tuple[Flo
     matrix = np.zeros((d, d))
     flown[0, 0] = 1.0
     rate[0] = 1.0
-    for k in range(PLAIN_COMPONENTS, d):
+    for k in range(1 + states - has_memory, d):
         flown[k, k] = 1.0
     begun = apply(propagator, flight.begun)
     for k in range(states):
-        at = section_index(k, d)
+        at = section_index(k, states, d)
         rate[at] = drift_rate[k]
         flown[at, 0] = rate[at] - begun[k]
         flown[at, d + k] = 1.0
         for m in range(states):
-            flown[at, section_index(m, d)] = propagator[k, m]
-            matrix[at, section_index(m, d)] = flight.matrix[k, m]
+            flown[at, section_index(m, states, d)] = propagator[k, m]
+            matrix[at, section_index(m, states, d)] = flight.matrix[k, m]
     drift = times(matrix, flown)
     bend = apply(matrix, rate)  # second time derivative along the flight
     if varies:
@@ -286,7 +287,7 @@ def derivatives(flight: LinearFlight, mesh: int, side: int, d: int) -> tuple[Flo
     second = np.zeros((1 + states, size, size))
     start_term = apply(propagator, flight.initial)
     for k in range(states):
-        at = section_index(k, d)
+        at = section_index(k, states, d)
         drift[at, 0] += explicit[k]
         bend[at] += explicit[k]
         curve = second[1 + k]
@@ -294,7 +295,7 @@ def derivatives(flight: LinearFlight, mesh: int, side: int, d: int) -> tuple[Flo
         add_outer(curve, 1.0, late, drift[at])
         add_outer(curve, bend[at], late, late)
         curve[0, 0] += drift[at, 0] - start_term[k]
-        if states > 4:
+        if has_memory:
             curve[0, d - 1] += flight.turned[k]
             curve[d - 1, 0] += flight.turned[k]
     for m in range(size):

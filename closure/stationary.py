@@ -19,12 +19,12 @@ from scipy.linalg import solve_discrete_lyapunov
 
 from rattle.closure.mean_map import mean_map, refusals
 from rattle.closure.saltation import propagate
-from rattle.closure.section_map import PLAIN_COMPONENTS, section_derivatives
-from rattle.scene import SECTION, Floats, Ints, Scene
+from rattle.closure.section_map import plain_size, section_derivatives
+from rattle.scene import Floats, Ints, Scene
 from rattle.scene.flight import noise_covariance
 from rattle.scene.impact import GRAZE, contact_matrix
 from rattle.scene.linear_algebra import transform
-from rattle.scene.long_orbit import PERIODIC, Attractor
+from rattle.scene.long_orbit import PERIODIC, Attractor, struck_speeds
 from rattle.scene.orbit import Impacts
 
 MAPPED = 4000  # impacts of a mean map whose average is taken
@@ -63,17 +63,13 @@ def _cycle_map(scene: Scene, a: Attractor) -> tuple[Floats, Floats, Floats, Floa
     """Map and noise of a whole cycle on the section state after an impact; section and restitution
     map of each one."""
     c = scene.constants
-    size = 1 + 2 * scene.stages
-    first, _, _ = section_derivatives(c, Impacts.of(a), PLAIN_COMPONENTS)
+    size = plain_size(c)
+    first, _, _ = section_derivatives(c, Impacts.of(a), size)
     flights = zip(a.tau[:-1], np.diff(a.tau), strict=True)
-    noise = transform(
-        first[:, :size, PLAIN_COMPONENTS:],
-        np.array([noise_covariance(c, tau, t) for tau, t in flights]),
-    )
-    flown = first[:, :size, :size]
-    hit = np.array(
-        [contact_matrix(c, mesh, PLAIN_COMPONENTS, 1)[:size, :size] for mesh in a.mesh[1:]]
-    )
+    covariances = np.array([noise_covariance(c, tau, t) for tau, t in flights])
+    noise = transform(first[:, :, size:], covariances)
+    flown = first[:, :, :size]
+    hit = np.array([contact_matrix(c, mesh, size, 1) for mesh in a.mesh[1:]])
     whole = np.eye(size)
     added = np.zeros((size, size))
     for f, q, h in zip(flown, noise, hit, strict=True):
@@ -97,7 +93,8 @@ def linear_law(scene: Scene, a: Attractor) -> Law:
         raise NotPredicted(
             "the tolerance is random; the stationary covariance is that of the noise alone"
         )
-    speeds = np.abs(np.where(a.mesh == 1, a.before[:, 1], a.before[:, 3]))[1:]
+    struck = struck_speeds(a.mesh[1:], a.before[1:])
+    speeds = np.abs(struck)
     if speeds.min() < GRAZE * max(speeds.max(), scene.alpha):
         raise NotPredicted("the orbit grazes a wall: no derivative there")
     whole, added, flown, hit = _cycle_map(scene, a)
@@ -108,15 +105,13 @@ def linear_law(scene: Scene, a: Attractor) -> Law:
     start = 0.5 * (found + found.T)
     shift, sd, section, after = _second_order(scene, a, start, largest)
     n = a.impacts
-    own = np.where(a.mesh[1:] == 1, 3, 5)  # place of the velocity among the section quantities
-    each = np.arange(n)
-    sign = np.sign(np.where(a.mesh[1:] == 1, a.before[1:, 1], a.before[1:, 3]))
+    rates = np.arange(n), 1 + 2 * a.mesh[1:]  # places of the struck rates
     back, sd_back = _since_same_mesh(a, flown, hit, section, after)
     rate = n / (2.0 * math.pi * a.periods)
     flight = np.diff(a.tau) + np.nan_to_num(shift[:, 1])
-    speed = speeds + sign * shift[each, own]
+    speed = speeds + np.sign(struck) * shift[rates]
     return Law(
-        rate, np.full(n, 1.0 / n), a.mesh[1:], speed, sd[each, own], flight, sd[:, 1], back, sd_back
+        rate, np.full(n, 1.0 / n), a.mesh[1:], speed, sd[rates], flight, sd[:, 1], back, sd_back
     )
 
 
@@ -130,7 +125,6 @@ def _second_order(
     cycle.
     """
     n = a.impacts
-    size = len(start)
     passes = min(
         2 + (math.ceil(math.log(LEAST_OF_START) / math.log(largest)) if largest > 0.0 else 0),
         MOST_PASSES,
@@ -140,12 +134,10 @@ def _second_order(
         *(np.concatenate([values[:1], *[values[1:]] * passes]) for values in Impacts.of(a))
     )
     cycles.tau[1:] += turn * np.repeat(np.arange(passes), n)
-    whole = np.zeros((5, 5))
-    whole[:size, :size] = start
     _, shift, sd, _, section, after = propagate(
-        scene.constants, cycles, passes * n, whole, np.zeros(0), True
+        scene.constants, cycles, passes * n, start, np.zeros(0), True
     )
-    return shift[-n:], sd[-n:], section[-n:, :size, :size], after[-n:, :size, :size]
+    return shift[-n:], sd[-n:], section[-n:], after[-n:]
 
 
 def _since_same_mesh(
@@ -187,7 +179,7 @@ def orbit_average(scene: Scene, closure: str) -> Law:
     t = mean_map(scene.phase_reduced, impacts=MAPPED, closure=closure, order=2).trace
     if t.found < MAPPED:
         raise NotPredicted(f"the mean map ends at impact {t.found}: {t.stopped}")
-    last = {1: math.nan, 2: math.nan}
+    last = np.full(t.wheels + 1, math.nan)
     since = np.full(MAPPED + 1, math.nan)
     for k in range(1, MAPPED + 1):
         since[k] = t.tau[k] - last[t.mesh[k]]
@@ -196,9 +188,8 @@ def orbit_average(scene: Scene, closure: str) -> Law:
     tau = t.tau[part]
     mesh = t.mesh[part]
     back = since[part]
-    before = np.where(mesh == 1, t.mean[part, 1], t.mean[part, 3])
     n = tau.size - 1
-    speed = np.abs(before[1:])
+    speed = np.abs(struck_speeds(mesh, t.mean[part]))[1:]
     zero = np.zeros(n)
     spread = (
         speed[: n // 32 * 32].reshape(32, -1).mean(axis=1).std(ddof=1)
@@ -237,15 +228,13 @@ def _join(parts: dict[int, tuple[Floats, Floats, Floats]], impacts: range) -> La
     """The mixtures of several impacts together."""
     weight = np.concatenate([parts[k][0] for k in impacts]) / len(impacts)
     mean, variance = (np.concatenate([parts[k][i] for k in impacts]) for i in (1, 2))
-    place = {name: i for i, name in enumerate(SECTION)}
-    # the struck one lies on its wall
-    mesh = np.where(variance[:, place["x1"]] <= variance[:, place["x2"]], 1, 2)
-    own = np.where(mesh == 1, place["y1"], place["y2"])
-    each = np.arange(weight.size)
+    # the struck displacement lies on its wall
+    mesh = 1 + variance[:, 2::2].argmin(axis=1)
+    rates = np.arange(weight.size), 1 + 2 * mesh  # places of the struck rates
     nothing = np.full(weight.size, np.nan)
-    flight = mean[:, place["flight"]]
-    sd_flight = np.sqrt(variance[:, place["flight"]])
+    flight = mean[:, 1]
+    sd_flight = np.sqrt(variance[:, 1])
     rate = float(1.0 / (weight * flight).sum())
-    speed = np.abs(mean[each, own])
-    sd = np.sqrt(variance[each, own])
+    speed = np.abs(mean[rates])
+    sd = np.sqrt(variance[rates])
     return Law(rate, weight, mesh, speed, sd, flight, sd_flight, nothing, nothing)

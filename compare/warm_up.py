@@ -79,7 +79,7 @@ def tasks(orders: int = 1) -> dict[str, Task]:
     from rattle.closure import CLOSURES
     from rattle.closure.stationary import linear_law
     from rattle.compare.chaos.exponents import lyapunov
-    from rattle.montecarlo import SCHEMES
+    from rattle.montecarlo import SCHEMES, simulate_rare
     from rattle.montecarlo.branches.search import BranchSearch
     from rattle.montecarlo.coupling.paths import LongPath, growths
     from rattle.montecarlo.long_run import long_run
@@ -114,7 +114,7 @@ def tasks(orders: int = 1) -> dict[str, Task]:
     found: dict[str, Task] = {
         "closure branching": closures["closure branching"],
         **schemes,
-        "paths near rare branches": partial(rt.simulate_rare, scene, paths=RARE_PATHS, impacts=3),
+        "paths near rare branches": partial(simulate_rare, scene, paths=RARE_PATHS, impacts=3),
         "the long run": partial(long_run, scene, paths=16, periods=64),
         "orbits": partial(lyapunov, scene, impacts=8192),
         "pairs of paths": partial(growths, scene, 1e-4, 2, seed=0, settle=10),

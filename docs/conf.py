@@ -64,6 +64,7 @@ nitpick_ignore = [  # modules and functions that are no part of the reference
 myst_enable_extensions = ["dollarmath", "amsmath", "deflist", "colon_fence"]
 myst_heading_anchors = 3
 os.environ["TQDM_DISABLE"] = "1"  # no bars on pages
+os.environ["RATTLE_REPOSITORY"] = str(HERE.resolve().parent)  # whose examples cells load
 # cells run the commands of this environment
 os.environ["PATH"] = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
 nb_execution_mode = "force"

@@ -20,7 +20,7 @@ from rattle.montecarlo.kernel.block import BLOCK, run, sample
 from rattle.montecarlo.noise.philox import Word, fill_normals, key_of
 from rattle.montecarlo.schemes.euler import plain_lanes, step_forcing
 from rattle.montecarlo.settings import Record, Sampling, plan_of
-from rattle.scene import DAT21, Constants, Floats, Scene, Start, Tolerance
+from rattle.scene import DAT21, Constants, Floats, Scene, Start, Tolerance, Wheel
 from rattle.scene.compiled import jit, lean
 
 TURNS_OF_SLICES = 25  # turns of slices
@@ -30,6 +30,8 @@ LOOPS = 100
 # of the skilled loop: enough that caches and branch predictors have learned it after another slice
 LOOP_PATHS = 1250
 LOOP_STEPS = 800  # of the skilled loop's paths: about as many as twelve impacts take
+NUMBERS_OF_WHEELS = (1, 2, 4, 8, 16)
+FAR = 1e6  # half gap of which no wall is met
 SKILLED = "a skilled loop in numba, without statistics"
 SCALAR = "one normal by standard_normal"
 NORMAL = "one standard normal"
@@ -45,10 +47,10 @@ def _normals(key: Any, paths: Any, z: Any, loops: int) -> None:
 
 @lean
 def _steps(
-    c: Constants, forcing: Any, walls: Any, state: Any, z: Any, beyond: Any, loops: int
+    c: Constants, forcing: Any, state: Any, speeds: Any, z: Any, beyond: Any, loops: int
 ) -> None:
     for _ in range(loops):  # so short that no path moves noticeably
-        plain_lanes(c, forcing, 1e-12, False, walls, state, z, beyond)
+        plain_lanes(c, forcing, 1e-12, False, state, state, speeds, z, beyond)
 
 
 @jit
@@ -68,15 +70,17 @@ def _skill_loop(
 
     Both meshes' impacts are taken at the end of a step.  Nothing is recorded.
     """
-    keep1 = 1.0 - h * c.beta1
-    keep2 = 1.0 - h * c.beta2
-    pull = h * (c.beta2 - c.beta1)
+    first = c.wheels[0]
+    second = c.wheels[1]
+    keep1 = 1.0 - h * first.beta
+    keep2 = 1.0 - h * second.beta
+    pull = h * second.coupling
     total = 0.0
-    wall1 = c.wall1
-    wall2 = c.wall2
-    epsilon = c.epsilon
-    jump = 1.0 + c.epsilon
-    jump_back = (1.0 + c.epsilon) * c.mu
+    wall1 = first.wall
+    wall2 = second.wall
+    epsilon = first.epsilon
+    jump = 1.0 + epsilon
+    jump_back = jump * second.share
     for _ in range(paths):
         x1 = 0.0
         y1 = 0.0
@@ -86,9 +90,9 @@ def _skill_loop(
             z = generator.standard_normal()
             x1, y1, x2, y2 = (
                 x1 + h * y1,
-                keep1 * y1 + forcing[i, 0] + forcing[i, 1] * z,
+                keep1 * y1 + forcing[i, 0, 0] + forcing[i, 0, 1] * z,
                 x2 + h * y2,
-                keep2 * y2 + pull * y1 + forcing[i, 2] + forcing[i, 3] * z,
+                keep2 * y2 + pull * y1 + forcing[i, 1, 0] + forcing[i, 1, 1] * z,
             )
             if (x1 > wall1 and y1 > 0.0) or (x1 < -wall1 and y1 < 0.0):
                 x1 = wall1 if x1 > 0.0 else -wall1
@@ -124,11 +128,12 @@ def _floor(scene: Scene) -> dict[str, tuple[Callable[[], Any], float]]:
     key = key_of(np.random.SeedSequence(1))
     paths = np.arange(FLOOR_LANES, dtype=np.uint64)
     generator = np.random.Generator(np.random.SFC64(1))  # the fastest of numpy's
-    z, walls, state = np.zeros((3, 4, FLOOR_LANES + 8))
+    z, state, speeds = np.zeros((3, 4, FLOOR_LANES + 8))
     beyond = np.zeros(FLOOR_LANES, np.bool_)
     still = np.zeros(FLOOR_LANES)
-    steps = [step_forcing(c, i * BENCH_STEP, BENCH_STEP) for i in range(LOOP_STEPS)]
-    forcing = np.array(steps)
+    forcing = np.empty((LOOP_STEPS, c.wheels.size, 2))
+    for i in range(LOOP_STEPS):
+        step_forcing(c, i * BENCH_STEP, BENCH_STEP, forcing[i])
     return {
         SKILLED: (
             lambda: _skill_loop(c, generator, LOOP_PATHS, forcing, BENCH_STEP),
@@ -137,7 +142,7 @@ def _floor(scene: Scene) -> dict[str, tuple[Callable[[], Any], float]]:
         SCALAR: (lambda: _scalar_normals(generator, 100_000), 1e5),
         NORMAL: (lambda: _normals(key, paths, z, LOOPS), 4.0 * FLOOR_LANES * LOOPS),
         ARITHMETIC: (
-            lambda: _steps(c, steps[0], walls, state, still, beyond, LOOPS),
+            lambda: _steps(c, forcing[0], state, speeds, still, beyond, LOOPS),
             float(FLOOR_LANES * LOOPS),
         ),
     }
@@ -156,10 +161,29 @@ def _case(scene: Scene, statistics: bool = True, **settings: Any) -> tuple[Calla
     return call, sample(plan, 0).path_steps
 
 
+def _tree(base: Scene, wheels: int) -> Scene:
+    """A tree of so many wheels far from any wall, at most two on each."""
+    given = tuple(
+        # dampings differ, so that no wheel flies as its parent does
+        Wheel(
+            beta=base.beta1 * (1.0 + 0.1 * number),
+            gamma=base.gamma1,
+            gap=FAR,
+            parent=(number + 1) // 2,
+        )
+        for number in range(wheels)
+    )
+    start = Start(state=(0.0,) * 2 * wheels)
+    return Scene(
+        alpha=base.alpha, epsilon=base.epsilon, sigma=base.sigma, wheels=given, start=start
+    )
+
+
 def bench(scene: Scene | None = None) -> pd.DataFrame:
     """Time of a path-step for every scheme, and for each option of a scene or a run.
 
-    Returns: Index ``what``; columns ``ns`` per path-step, the least; ``times_floor``, over a normal
+    Returns: Index ``what``; columns ``ns`` per path-step, the least; ``ns_wheel``, the same over
+    the number of wheels; ``times_floor``, over a normal
     and the arithmetic of a step together; ``gain``, how many path-steps are done in the time of one
     of the skilled loop, or normals in that of one by ``standard_normal``, or paths of exact flights
     in that of one of the loop; ``steps`` of a path; ``us`` per path.
@@ -170,8 +194,8 @@ def bench(scene: Scene | None = None) -> pd.DataFrame:
     loose, redrawn = (
         replace(base, tolerance=Tolerance(0.01, 0.01, draw=draw)) for draw in ("path", "contact")
     )
-    far = replace(base, gap1=1e6, gap2=1e6, start=Start(0.0, 0.0, 0.0))
-    cases: Mapping[str, tuple[Scene, dict[str, Any]]] = {
+    briefly: dict[str, Any] = {"sampling": Sampling(horizon=4.0)} | alone
+    cases: dict[str, tuple[Scene, dict[str, Any]]] = {
         "euler-maruyama, paths alone": (base, alone),
         "euler-maruyama, section statistics": (base, {}),
         "  the same, dt = 0.002": (base, {"dt": 2e-3}),
@@ -195,11 +219,12 @@ def bench(scene: Scene | None = None) -> pd.DataFrame:
             base,
             EXACT_FLIGHTS | {"sampling": Sampling(control=True)},
         ),
-        "  steps far from any wall, paths alone": (
-            far,
-            EXACT_FLIGHTS | {"sampling": Sampling(horizon=4.0)} | alone,
-        ),
     }
+    for wheels in NUMBERS_OF_WHEELS:
+        tree = _tree(base, wheels)
+        name = f"far from any wall, wheels: {wheels}, paths alone"
+        cases[f"euler-maruyama {name}"] = (tree, briefly)
+        cases[f"exact-flight {name}"] = (tree, EXACT_FLIGHTS | briefly)
     work = {name: _case(own, **settings) for name, (own, settings) in cases.items()}
     taken = slices(
         _floor(base) | {name: (call, float(steps)) for name, (call, steps) in work.items()},
@@ -212,6 +237,8 @@ def bench(scene: Scene | None = None) -> pd.DataFrame:
         gain = np.median(taken[SCALAR if name in (SCALAR, NORMAL) else SKILLED] / ns)
         if name in work and cases[name][1].get("scheme") == "exact-flight":
             gain *= LOOP_STEPS / steps
-        rows[name] = (ns.min(), np.median(ns / low), gain, steps, 1e-3 * ns.min() * steps)
-    columns = ["ns", "times_floor", "gain", "steps", "us"]
+        per_wheel = ns.min() / cases[name][0].stages if name in cases else math.nan
+        shares = (per_wheel, np.median(ns / low), gain)
+        rows[name] = (ns.min(), *shares, steps, 1e-3 * ns.min() * steps)
+    columns = ["ns", "ns_wheel", "times_floor", "gain", "steps", "us"]
     return pd.DataFrame.from_dict(rows, orient="index", columns=columns).rename_axis("what")

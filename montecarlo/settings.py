@@ -9,6 +9,7 @@ import numpy as np
 
 from rattle.montecarlo.kernel.block import BLOCK, Plan, sample
 from rattle.montecarlo.kernel.blocks import Blocks
+from rattle.montecarlo.kernel.kernel import columns_recorded
 from rattle.montecarlo.noise.philox import LEVELS
 from rattle.montecarlo.schemes.control_variate import linear_path, no_control
 from rattle.montecarlo.schemes.exact_flight import accurate_flight
@@ -39,7 +40,8 @@ EXACT_SCHEME = "exact-flight"
 
 MOST_PATHS = 2**40
 MOST_WORKERS = 1024
-MOST_IMPACTS_OF_A_RUN = 10_000  # a block of paths keeps every impact: 57 kB each
+# of the impacts of a path, all of which a block of paths keeps: 0.6 GB of it
+MOST_NUMBERS_OF_A_PATH = 70_000
 
 HORIZON_PER_IMPACT = 50.0
 """Default time after which a path is given up, per impact asked for; flights of DAT21 last about
@@ -153,6 +155,11 @@ def default_horizon(impacts: int, dt: float) -> float:
     return min(HORIZON_PER_IMPACT * impacts, DEFAULT_STEPS * dt)
 
 
+def most_impacts(scene: Scene) -> int:
+    """Most impacts of a path in a run: 10 000 of two wheels, and fewer the more there are."""
+    return MOST_NUMBERS_OF_A_PATH // columns_recorded(scene.stages)
+
+
 def check_settings(
     scene: Scene,
     paths: int,
@@ -166,7 +173,7 @@ def check_settings(
     """Refuse settings that `simulate` could not run, before any work."""
     check_scene(scene)
     count("paths", paths, most=MOST_PATHS)
-    count("impacts", impacts, most=MOST_IMPACTS_OF_A_RUN)
+    count("impacts", impacts, most=most_impacts(scene))
     count("workers", workers, most=MOST_WORKERS)
     choice("scheme", scheme, SCHEMES)
     read_seed(rng)
@@ -215,7 +222,7 @@ def plan_of(
         why = "give a mapping from names to sequences of mesh * side"
         raise InputError("record.itineraries", record.itineraries, why)
     named = {
-        name: _check_itinerary(name, itinerary, impacts)
+        name: _check_itinerary(name, itinerary, impacts, scene.stages)
         for name, itinerary in record.itineraries.items()
     }
     plan = Plan(
@@ -238,7 +245,7 @@ def plan_of(
         two_point=two_point,
         energy=record.energy,
     )
-    named[NOISE_FREE] = tuple(exact_orbit(plan)[:, 6].astype(int).tolist())
+    named[NOISE_FREE] = tuple(exact_orbit(plan)[:, -1].astype(int).tolist())
     return plan._replace(apart=_longest(named)) if record.on_itinerary else plan
 
 
@@ -261,8 +268,8 @@ def begins(itinerary: Sequence[int], other: Sequence[int]) -> bool:
 def exact_orbit(plan: Plan) -> Floats:
     """The noise-free path by exact flights, whatever the scheme of the plan.
 
-    Rows ``tau, flight, x1, y1, x2, y2, mesh * side`` of each impact, shape (impacts, 7); 0 after
-    the last one.
+    Rows ``tau, flight, x1, y1, ..., mesh * side`` of each impact, shape (impacts, 3 + 2 wheels); 0
+    after the last one.
     """
     step = min(SCHEMES[EXACT_SCHEME].step, accurate_flight(plan.scene)[0])
     return noise_free_path(
@@ -308,10 +315,12 @@ def _fixed_steps(scene: Scene, times: Sequence[float] | Floats, dt: float, horiz
     return np.unique(np.array(steps, dtype=np.int64))
 
 
-def _check_itinerary(name: str, itinerary: Sequence[int], impacts: int) -> tuple[int, ...]:
+def _check_itinerary(
+    name: str, itinerary: Sequence[int], impacts: int, wheels: int
+) -> tuple[int, ...]:
     field = f"record.itineraries[{name!r}]"
     if name == NOISE_FREE:
         raise InputError("record.itineraries", name, "this name is taken by the noise-free path")
     if not isinstance(itinerary, Sized) or len(itinerary) != impacts:
         raise InputError(field, itinerary, f"needs one entry for each of {impacts} impacts")
-    return tuple(count(field, code, least=-2, most=2) for code in itinerary)
+    return tuple(count(field, code, least=-wheels, most=wheels) for code in itinerary)

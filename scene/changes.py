@@ -1,28 +1,24 @@
 """A scene in which some values are others: what an axis of a study, a search and a sweep vary.
 
 A value has the name of a field of the scene (``sigma``), of a part of it (``start.y1``), of an
-order of the drive (``drive.2.amplitude``), or of its gears (``backlash1``).
+order of the drive (``drive.2.amplitude``), of its gears (``backlash1``), or of a wheel by name or
+number (``wheel.third.torque``, ``wheel.3.torque``, ``torque3``).
 """
 
 import math
 import re
-from collections.abc import Mapping
-from dataclasses import fields, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
-from rattle.scene.errors import choice, non_negative
-from rattle.scene.gears import check_typed, values_of
+from rattle.scene.errors import InputError, nearest, non_negative
+from rattle.scene.gears import DRIVES, NUMBERED, check_typed, values_of
 from rattle.scene.gears_input import UNIT, read_drive
-from rattle.scene.parts import Start, Tolerance, move_to_flanks
+from rattle.scene.loose_wheel import OF_MODEL, WHEEL_VALUE, kind_of_value, spell_value
+from rattle.scene.parts import Start, Tolerance, Wheel, move_to_flanks
 from rattle.scene.scene import Scene
+from rattle.scene.types import state_names
 
-UNIT_VALUES = ("omega", "backlash1")
-"""Values of gears that units of time, length and speed depend on."""
-SCENE_PARTS = {"tolerance": Tolerance, "start": Start}
-SCENE_FIELDS = tuple(
-    [f.name for f in fields(Scene) if f.name not in (*SCENE_PARTS, "gears", "drive")]
-    + [f"{part}.{f.name}" for part, kind in SCENE_PARTS.items() for f in fields(kind)]
-)
 ORDER_UNITS = {
     "amplitude": "",
     "amplitude_mm": "mm",
@@ -36,20 +32,26 @@ ORDER_FIELD = re.compile(rf"drive\.([1-9][0-9]*)\.({'|'.join(ORDER_UNITS)})")
 """A value of one order of the drive, such as ``drive.2.amplitude``."""
 DRAWN = {f"tolerance.backlash{mesh}": f"c{mesh}_max" for mesh in (1, 2)}
 """Tolerances of the backlashes as ``[gears.tolerance]`` has them, in mm, and their fields."""
-NOT_NUMBERS = ("stages", "start.mesh", "tolerance.distribution", "tolerance.draw")
+SWEPT = ("alpha", "epsilon", "beta1", "beta2", "gamma1", "gamma2", "mu", "gap1", "gap2", "sigma")
+"""Fields of one or two wheels in a row that are a number each, over which a sweep may go."""
 # not of a single stage
 SECOND = ("beta2", "gamma2", "mu", "gap2", "start.x2", "start.y2", "tolerance.c2_max")
+WHEEL_WORDS = {
+    "inertia": "inertia of wheel {}",
+    "radius": "radius of wheel {}",
+    "parent_radius": "radius at which wheel {} is driven",
+    "backlash": "backlash at mesh {}",
+    "backlash_tolerance": "tolerance of the backlash at mesh {}",
+    "damping": "damping of wheel {}",
+    "torque": "drag torque on wheel {}",
+    "epsilon": "restitution at mesh {}",
+}
 VALUE_WORDS = {
     "alpha": "excitation amplitude",
     "amplitude": "amplitude of the drive",
     "amplitude_rad": "amplitude of the drive",
     "omega": "frequency of the drive",
     "epsilon": "restitution",
-    "inertia": "inertia of wheel {}",
-    "radius": "radius of wheel {}",
-    "backlash": "backlash at mesh {}",
-    "damping": "damping of wheel {}",
-    "torque": "drag torque on wheel {}",
     "driver_radius": "radius of the driver",
     "speed_rpm": "mean speed of the driver",
     "speed_rad_s": "mean speed of the driver",
@@ -58,38 +60,126 @@ VALUE_WORDS = {
 }
 
 
+def spell(scene: Scene, name: str) -> str:
+    """The name of a value as the scene has it: of a wheel by its name, or ``torque2``."""
+    return spell_value(name, scene.wheel_names, bool(scene.wheels))
+
+
+def is_unit(scene: Scene, name: str) -> bool:
+    """Whether the units of time, length and speed of a scene depend on a value of its gears."""
+    gears = scene.gears
+    return gears is not None and spell(scene, name) in ("omega", gears.name_of(1, "backlash"))
+
+
+def numbers_of(scene: Scene) -> dict[str, float]:
+    """All numbers of a scene that can be others, by name: those of its gears as they were typed,
+    and those of the model."""
+    gears = scene.gears
+    numbers = {} if gears is None else values_of(gears)
+    if scene.wheels:
+        names: Sequence[str] = ("alpha", "epsilon", "sigma")
+        for label, wheel in zip(scene.wheel_names, scene.tree, strict=True):
+            numbers |= {f"wheel.{label}.{kind}": getattr(wheel, kind) for kind in OF_MODEL}
+    else:
+        names = [name for name in SWEPT if scene.stages == 2 or name not in SECOND]
+        for number, wheel in enumerate(scene.tree, 1):
+            numbers[f"tolerance.c{number}_max"] = wheel.tolerance
+            if gears is not None:
+                drawn = 2.0 * wheel.tolerance * gears.units.length
+                numbers[f"tolerance.backlash{number}"] = drawn
+    numbers |= {name: getattr(scene, name) for name in (*names, "correlation_time")}
+    numbers["start.tau"] = scene.start.tau
+    states = zip(state_names(scene.stages), scene.start.values, strict=False)
+    return numbers | {f"start.{name}": value for name, value in states}
+
+
+def axis_names(scene: Scene) -> tuple[str, ...]:
+    """All values of a scene that an axis of a study may vary, numbers and words, but for orders of
+    the drive."""
+    others = () if scene.wheels else ("stages", *SECOND)
+    words = ("start.mesh", "tolerance.distribution", "tolerance.draw")
+    return (*numbers_of(scene), *words, *others)
+
+
+def parameter_names(scene: Scene) -> list[str]:
+    """The numbers of a scene that are changed one at a time to see what each of them does: of its
+    gears as they were typed, or of the model where it has none."""
+    gears = scene.gears
+    if gears is None:
+        parts = ("tolerance.", "start.")
+        return [name for name in numbers_of(scene) if not name.startswith(parts)]
+    left_out = {
+        gears.name_of(number, "epsilon")
+        for number, wheel in enumerate(gears.wheels, 1)
+        if wheel.epsilon is None
+    }
+    if scene.stages == 1:
+        left_out |= {name for name in NUMBERED if name[-1] == "2"}
+    left_out |= set(DRIVES)
+    others = [name for name in values_of(gears) if name not in left_out]
+    return ["amplitude", *others, "sigma", "correlation_time"]
+
+
 def change(scene: Scene, changes: Mapping[str, Any]) -> Scene:
     """The scene with other values, by name; all others stay as they were typed.
 
     Values of gears are changed first, as `Scene.with_gears` does; a start on a flank stays on it.
     """
+    changes = {spell(scene, name): value for name, value in changes.items()}
     of_gears = {} if scene.gears is None else values_of(scene.gears)
     typed = {name: value for name, value in changes.items() if name in of_gears}
     if typed:
         scene = scene.with_gears(**typed)
     orders: dict[int, dict[str, Any]] = {}
-    parts: dict[str, dict[str, Any]] = {name: {} for name in SCENE_PARTS}
+    parts: dict[str, dict[str, Any]] = {"tolerance": {}, "start": {}, "wheel": {}}
     values: dict[str, Any] = {}
     for name, value in changes.items():
         part, _, field = name.partition(".")
+        if name in typed:
+            continue
         if order := ORDER_FIELD.fullmatch(name):
             orders.setdefault(int(order[1]), {})[order[2]] = value
         elif name in DRAWN and scene.gears is not None:
             half = 0.5 * non_negative(name, value)  # of the full backlash, as a drawing has it
-            parts[part][DRAWN[name]] = half / scene.gears.backlash1
+            parts[part][DRAWN[name]] = half / scene.gears.units.length
         elif field:
             parts[part][field] = value
-        elif name not in typed:
+        else:
             values[name] = value
     if orders:
         values["drive"] = _change_orders(scene, orders)
     if parts["tolerance"]:
         values["tolerance"] = replace(scene.tolerance or Tolerance(), **parts["tolerance"])
-    gaps = {name: getattr(scene, name) for name in ("gap1", "gap2")}
-    new_gaps = [values.get(name, gap) for name, gap in gaps.items()]
-    start = move_to_flanks(scene.start, [*gaps.values()], new_gaps)
-    values["start"] = replace(start, **parts["start"])
+    if parts["wheel"]:
+        values["wheels"] = _change_wheels(scene, parts["wheel"])
+    gaps = [values.get(f"gap{i}", gap) for i, gap in enumerate(scene.half_gaps, 1)]
+    if "wheels" in values:
+        gaps = [wheel.gap for wheel in values["wheels"]]
+    start = move_to_flanks(scene.start, scene.half_gaps, gaps)
+    values["start"] = _change_start(start, parts["start"])
     return replace(scene, **values)
+
+
+def _change_wheels(scene: Scene, changes: Mapping[str, Any]) -> tuple[Wheel, ...]:
+    """The wheels of the model with other values, by ``third.gamma``."""
+    wheels = dict(zip(scene.wheel_names if scene.wheels else (), scene.wheels, strict=True))
+    for name, value in changes.items():
+        label, _, kind = name.partition(".")
+        if label not in wheels:
+            name = f"wheel.{name}"
+            raise InputError("scene", name, _remedy(scene, name))
+        wheels[label] = replace(wheels[label], **{kind: value})
+    return tuple(wheels.values())
+
+
+def _change_start(start: Start, changes: Mapping[str, Any]) -> Start:
+    """A start with other values, also of a wheel beyond the second."""
+    if not start.state or "state" in changes:
+        return replace(start, **changes)
+    names = state_names(len(start.state) // 2)
+    state = tuple(changes.get(n, value) for n, value in zip(names, start.state, strict=True))
+    others = {name: value for name, value in changes.items() if name not in names}
+    return replace(start, state=state, **others)
 
 
 def _change_orders(scene: Scene, orders: Mapping[int, Mapping[str, Any]]) -> Any:
@@ -105,23 +195,32 @@ def _change_orders(scene: Scene, orders: Mapping[int, Mapping[str, Any]]) -> Any
 
 def find_value(scene: Scene, name: str, asked: str) -> float:
     """A number of a scene by its name; refused as an entry of what was asked, if there is none."""
-    of_gears = {} if scene.gears is None else values_of(scene.gears)
-    if name in of_gears:
-        return of_gears[name]
+    given = name
+    name = spell(scene, name)
+    numbers = numbers_of(scene)
+    if name in numbers:
+        return float(numbers[name])
     if order := ORDER_FIELD.fullmatch(name):
         return _find_in_order(scene, int(order[1]), order[2])
-    if scene.gears is not None and name in DRAWN:
-        drawn = getattr(scene.tolerance, DRAWN[name], 0.0)
-        return 2.0 * drawn * scene.gears.backlash1
-    if scene.gears is not None and name not in SCENE_FIELDS:
+    if scene.gears is not None:
         check_typed(scene.gears, name, asked)
-    excluded = (*NOT_NUMBERS, *(SECOND if scene.stages == 1 else ()))
-    of_scene = (known for known in SCENE_FIELDS if known not in excluded)
-    choice(asked, name, dict.fromkeys([*of_gears, *of_scene]))
-    value: Any = scene
-    for field in name.split("."):
-        value = getattr(value, field, 0.0)  # without a tolerance its parts are 0
-    return float(value)
+    raise InputError(asked, given, _remedy(scene, given))
+
+
+def _remedy(scene: Scene, name: str) -> str:
+    """What to write in place of a name that no number of a scene has: of values of wheels those of
+    the one that was named, or of the first."""
+    labels = scene.wheel_names
+    shown = labels[0]
+    if name.startswith("wheel."):
+        shown = name.split(".")[1]
+        if shown.isdecimal() and 0 < int(shown) <= len(labels):
+            shown = labels[int(shown) - 1]
+        if shown not in labels:
+            return f"no wheel has this name; {nearest(shown, labels)}"
+    prefix = f"wheel.{shown}."
+    numbers = numbers_of(scene)
+    return nearest(name, [n for n in numbers if n.startswith(prefix) or n[:6] != "wheel."])
 
 
 def _find_in_order(scene: Scene, number: int, field: str) -> float:
@@ -150,7 +249,7 @@ def unit_of_value(name: str) -> str:
     """The unit of a value of gears or of a measured order; empty for one without a dimension."""
     if order := ORDER_FIELD.fullmatch(name):
         return ORDER_UNITS[order[2]]
-    return UNIT.get(name.removeprefix("tolerance.").rstrip("12"), "")
+    return UNIT.get(kind_of_value(name), "")
 
 
 def words_of_value(name: str) -> str:
@@ -158,7 +257,9 @@ def words_of_value(name: str) -> str:
     if order := ORDER_FIELD.fullmatch(name):
         return f"{order[2].split('_')[0]} of order {order[1]} of the drive"
     if name in DRAWN:
-        return f"tolerance of the backlash at mesh {name[-1]}"
-    if name.startswith("gap") or "." in name:
-        return ""
-    return VALUE_WORDS.get(name.rstrip("12"), "").format(name[-1])
+        return WHEEL_WORDS["backlash_tolerance"].format(name[-1])
+    if value := WHEEL_VALUE.fullmatch(name):
+        label = value[1] or value[3]
+        if label:
+            return WHEEL_WORDS.get(value[2], "").format(label)
+    return VALUE_WORDS.get(name, "")

@@ -32,6 +32,7 @@ import llvmlite.binding
 import numba
 import numpy as np
 from filelock import FileLock
+from numba import extending
 from numba.core import event, types
 from numba.core.caching import FunctionCache
 from numba.core.runtime.nrt import rtsys
@@ -54,9 +55,10 @@ from rattle.scene.sources import (
 TAKEN = ("scene/compiled.py", "scene/types.py", "montecarlo/schemes/step_state.py")
 """Beside the sources that import the compiler, what compiled code takes."""
 COMPILED = b"from rattle.scene." + b"compiled import"  # in two, since this source is not compiled
-CONFIG: Any = numba.config  # these three typed as Any: numba has no type hints
+CONFIG: Any = numba.config  # these four typed as Any: numba has no type hints
 EVENTS: Any = event
 NUMBAS_CACHE: Any = FunctionCache
+NUMBAS_EXTENDING: Any = extending
 
 LONGEST_WAIT = 10.0  # seconds for another process that writes what it has compiled: milliseconds
 GARBAGE = 20_000  # objects between two collections of garbage while a function is compiled
@@ -323,7 +325,13 @@ def _keep(function: Callable[P, R], options: dict[str, Any]) -> Any:
     return compiled
 
 
-OPTIONS: dict[str, Any] = {"nogil": True, "no_cfunc_wrapper": True, "error_model": "numpy"}
+OPTIONS: dict[str, Any] = {
+    "nogil": True,
+    "no_cfunc_wrapper": True,
+    "error_model": "numpy",
+    "_nrt": True,
+    "forceinline": False,
+}
 """Compiled code releases the interpreter lock.
 
 Division follows IEEE rules instead of raising: a branch on every division keeps LLVM from
@@ -414,30 +422,44 @@ def _fma(_context: Any, a: Any, b: Any, c: Any) -> Any:
     return types.float64(types.float64, types.float64, types.float64), emit
 
 
-@intrinsic
-def _widest_vectors(_context: Any) -> Any:
-    def emit(context: Any, builder: Any, _signature: Any, _arguments: Any) -> Any:
-        # llvmlite's own `add` knows fewer names
-        set.add(builder.function.attributes, '"prefer-vector-width"="512"')
-        return context.get_dummy_value()
-
-    return types.void(), emit
-
-
-def _nothing() -> None:
-    """Stands for `widest_vectors` where the compiler is off."""
-
-
 fma = cast(Callable[[float, float, float], float], emulate_fma if INTERPRETED else _fma)
 """``fma(a, b, c)``: ``a * b + c`` rounded once, by an instruction in compiled code; emulated where
 numba is off."""
 
-widest_vectors = cast(Callable[[], None], _nothing if INTERPRETED else _widest_vectors)
-"""Ask the compiler for vectors of 512 bits in the calling function, where the processor has them.
 
-It prefers 256 otherwise, since some processors lower their clock under wide vectors; the loops over
-paths win in spite of that.  Numbers do not depend on it.
-"""
+def widest_vectors() -> None:
+    """Ask the compiler for vectors of 512 bits in the calling function, where the processor has
+    them.
+
+    It prefers 256 otherwise, since some processors lower their clock under wide vectors; the loops
+    over paths win in spite of that.  Numbers do not depend on it.
+    """
+
+
+def not_inlined() -> None:
+    """Keep the calling function out of its callers: one that runs rarely would be optimised once
+    more within each of them."""
+
+
+def _lower_to_attribute(mark: Callable[[], None], attribute: str) -> None:
+    """Have compiled code give the function that calls `mark` an attribute; in Python it does
+    nothing."""
+
+    def type_mark(_context: Any) -> Any:
+        return lambda: types.void
+
+    NUMBAS_EXTENDING.type_callable(mark)(type_mark)
+
+    def emit(context: Any, builder: Any, _signature: Any, _arguments: Any) -> Any:
+        # llvmlite's own `add` knows fewer names
+        set.add(builder.function.attributes, attribute)
+        return context.get_dummy_value()
+
+    NUMBAS_EXTENDING.lower_builtin(mark)(emit)
+
+
+_lower_to_attribute(widest_vectors, '"prefer-vector-width"="512"')
+_lower_to_attribute(not_inlined, "noinline")
 
 
 @inline

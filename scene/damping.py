@@ -59,6 +59,25 @@ def phi2(beta: float, t: float) -> float:
     return t * t * total
 
 
+class Damped(NamedTuple):
+    """The phi-functions of one damping over a time."""
+
+    e: float  # `phi1`
+    d: float  # `decay`
+    g: float  # `phi2`
+
+
+@internal
+def damped(beta: float, t: float) -> Damped:
+    """The phi-functions of a damping: for small ``beta t`` each from the one before, from the
+    series of `phi2` on."""
+    g = phi2(beta, t)
+    if abs(beta * t) > SMALL_DECAY:
+        return Damped(phi1(beta, t), decay(beta, t), g)
+    e = t - beta * g
+    return Damped(e, 1.0 - beta * e, g)
+
+
 class Pair(NamedTuple):
     """The phi-functions of two dampings over one time."""
 

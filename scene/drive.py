@@ -9,7 +9,7 @@ import math
 from typing import Any
 
 from rattle.scene.compiled import inline, lean
-from rattle.scene.damping import Pair
+from rattle.scene.damping import Damped
 
 # pi / 2 in three parts; multiples of the first two below 2^20 are exact
 QUARTER_HIGH = 1.57079632673412561417
@@ -214,12 +214,11 @@ def t_minus_sine(t: float, sine: float) -> float:
 
 
 @inline
-def excite(drive: Any, beta: float, p: Pair, tau: float, t: float) -> tuple[float, float, float]:
-    """What the drive adds to stage 1 in a flight from `tau` on: ``f(tau + t) - f - e1 f'``,
-    ``f'(tau + t) - d1 f'``.
+def excite(drive: Any, beta: float, p: Damped, tau: float, t: float) -> tuple[float, float]:
+    """What the drive adds to a wheel in a flight from `tau` on: ``f(tau + t) - f - e f'``,
+    ``f'(tau + t) - d f'``.
 
-    e1 and d1 are the phi-functions of `beta`, in `p`.  Terms vanish with t as the sums do.  The
-    third number is ``f'``.
+    e and d are the phi-functions of `beta`, in `p`.  Terms vanish with t as the sums do.
     """
     if len(drive) == 0:
         sine = math.sin(tau)
@@ -230,15 +229,13 @@ def excite(drive: Any, beta: float, p: Pair, tau: float, t: float) -> tuple[floa
         versine = 2.0 * sh * sh
         sine_t = 2.0 * sh * ch
         # sin(tau + t) - sin tau - cos tau e1, with sin t - e1 = beta g1 - (t - sin t)
-        ahead = beta * p.g1 - t_minus_sine(t, sine_t) if t < 1.0 else sine_t - p.e1
+        ahead = beta * p.g - t_minus_sine(t, sine_t) if t < 1.0 else sine_t - p.e
         return (
             cosine * ahead - sine * versine,
-            cosine * (beta * p.e1 - versine) - sine * sine_t,
-            cosine,
+            cosine * (beta * p.e - versine) - sine * sine_t,
         )
     moved = 0.0
     gained = 0.0
-    first = 0.0
     unit = sine_cosine(tau)
     at = (0.0, 1.0)
     half_unit = sine_cosine(0.5 * t)
@@ -251,11 +248,10 @@ def excite(drive: Any, beta: float, p: Pair, tau: float, t: float) -> tuple[floa
         cosine = drive.odd[i] * at[1] - drive.even[i] * at[0]
         versine = 2.0 * half[0] * half[0]
         sine_t = 2.0 * half[0] * half[1]
-        ahead = j * beta * p.g1 - t_minus_sine(j * t, sine_t) if j * t < 1.0 else sine_t - j * p.e1
+        ahead = j * beta * p.g - t_minus_sine(j * t, sine_t) if j * t < 1.0 else sine_t - j * p.e
         moved += cosine * ahead - sine * versine
-        gained += j * (cosine * (beta * p.e1 - versine) - sine * sine_t)
-        first += j * cosine
-    return moved, gained, first
+        gained += j * (cosine * (beta * p.e - versine) - sine * sine_t)
+    return moved, gained
 
 
 def mean_square(drive: Any, beta: float) -> float:

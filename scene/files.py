@@ -181,17 +181,31 @@ def in_file(path: str | Path, text: str) -> Iterator[None]:
 def _line_of(text: str, error: InputError) -> int | None:
     """The first line whose key is the field of an error, or, of a table with an unknown key, that
     key."""
-    *tables, key = error.field.split(".")
+    field = _by_number(text, error.field) if error.field.startswith("wheel.") else error.field
+    *tables, key = field.split(".")
     wanted = [(".".join(tables), key)]
     if isinstance(error.value, str):
-        wanted.append((error.field, error.value))
+        wanted.append((field, error.value))
     table = ""
+    wheels = 0
     for number, line in enumerate(text.splitlines(), start=1):
         if found := TABLE.match(line):
             table = found[1].strip()
+            if table == "wheel":
+                wheels += 1
+                table = f"wheel.{wheels}"
         found = KEY_PATTERN.match(line)
         if found and any(
             found[1] == name and (not of or f".{table}".endswith(f".{of}")) for of, name in wanted
         ):
             return number
     return None
+
+
+def _by_number(text: str, field: str) -> str:
+    """The field of a wheel, ``wheel.third.torque``, with its number in place of its name."""
+    _, label, *rest = field.split(".")
+    tables = parse_toml(text).get("wheel", [])
+    names = [table.get("name") if isinstance(table, dict) else None for table in tables]
+    number = str(1 + names.index(label)) if label in names else label
+    return ".".join(["wheel", number, *rest])

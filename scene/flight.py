@@ -1,10 +1,11 @@
 """Exact free flight (Eq. 3), its Jacobian, its drift, and the noise that drives it (Eqs. 5, 8).
 
 A wheel's speed ``u_i = R_i phi_i' / (nu_1 omega)`` obeys ``u_i' = -beta_i u_i - gamma_i``
-independently of the other, and ``y_1 = alpha f' - u_1``, ``y_2 = u_2 - u_1``, f the driver's
-motion, ``sin tau`` or a sum of orders (`rattle.scene.drive`).  Increments over a flight are summed
-from terms that vanish with the flight time, so the relative accuracy is the same for flight times
-of 1e-12 and of 1e6.
+independently of the others.  It deviates by ``v_i = kappa_i alpha f' - u_i`` from its motion
+without play, f the driver's motion, ``sin tau`` or a sum of orders (`rattle.scene.drive`).  The
+rate of a gap is ``y_i = v_i`` at the driver and ``y_i = k_i v_p - v_i`` where the parent p is a
+wheel.  Increments over a flight are summed from terms that vanish with the flight time, so the
+relative accuracy is the same for flight times of 1e-12 and of 1e6.
 """
 
 import math
@@ -13,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from rattle.scene.compiled import internal, jit, splice
-from rattle.scene.damping import Pair, pair
+from rattle.scene.damping import damped, pair
 from rattle.scene.drive import (
     acceleration,
     excite,
@@ -23,10 +24,8 @@ from rattle.scene.drive import (
     velocity_acceleration,
 )
 from rattle.scene.elementary import gauss_legendre
-from rattle.scene.linear_algebra import congruence
+from rattle.scene.linear_algebra import congruence, put
 from rattle.scene.types import Constants, Floats
-
-State = tuple[float, float, float, float]
 
 # Gauss-Legendre on [0, 1]: 16 nodes are exact to rounding on panels of at most PANEL time units.
 _nodes, _weights = gauss_legendre(16)
@@ -37,52 +36,96 @@ TURN = 2.0 * math.pi
 
 
 @jit
-def wheel_speeds(c: Constants, tau: float, y1: float, y2: float) -> tuple[float, float]:
-    """Speeds ``(u_1, u_2)`` of the two wheels at their base circles."""
-    u1 = c.alpha * velocity(c.drive, tau) - y1
-    return u1, u1 + y2
+def wheel_speeds(c: Constants, tau: float, s: Floats) -> Floats:
+    """Speeds ``u_i`` of the wheels at their own meshes.
+
+    Shapes: `s` (2 wheels,); result (wheels,).
+    """
+    driver = c.alpha * velocity(c.drive, tau)
+    u = np.empty(c.wheels.size)
+    for i in range(u.size):
+        wheel = c.wheels[i]
+        if wheel.parent < 0:
+            u[i] = wheel.turn * driver - wheel.sign * s[2 * i + 1]
+        else:
+            u[i] = wheel.ratio * u[wheel.parent] + s[2 * i + 1]
+    return u
 
 
 @internal
-def displacement(c: Constants, tau: float, y1: float, y2: float, t: float) -> State:
-    """Increments of ``x_1`` and ``x_2`` over a flight of time `t` from `tau`, and the velocities at
-    its end (Eq. 3).
+def deviations(c: Constants) -> Floats:
+    """The matrix V of ``v = V y``: the wheels' deviations from the rates of the gaps, and their
+    positions from the displacements.
 
-    Returns: Increments of the displacements, and final velocities; ``dx2 = 0`` and `y2` unchanged
-    for a single stage.
+    Shapes: result (wheels, wheels).
     """
-    p = pair(c.beta1, c.beta2, t)
-    moved, gained, driver = excite(c.drive, c.beta1, p, tau, t)
-    dx1 = y1 * p.e1 + c.gamma1 * p.g1 + c.alpha * moved
-    z1 = y1 * p.d1 + c.gamma1 * p.e1 + c.alpha * gained
-    if c.stages == 1:
-        return dx1, z1, 0.0, y2
-    u1 = c.alpha * driver - y1
-    dx2 = y2 * p.e2 - u1 * p.e12 + (c.gamma1 * p.g1 - c.gamma2 * p.g2)
-    return dx1, z1, dx2, y2 * p.d2 - u1 * p.d12 + (c.gamma1 * p.e1 - c.gamma2 * p.e2)
+    v = np.zeros((c.wheels.size, c.wheels.size))
+    for i in range(c.wheels.size):
+        wheel = c.wheels[i]
+        v[i, i] = wheel.sign
+        if wheel.parent >= 0:
+            for j in range(i):
+                v[i, j] = wheel.ratio * v[wheel.parent, j]
+    return v
+
+
+@internal
+def displace(c: Constants, tau: float, u: Floats, s: Floats, t: float, out: Floats) -> None:
+    """Increments of the displacements over a flight of time `t` from `tau`, and the rates at its
+    end (Eq. 3).
+
+    Shapes: `u` (wheels,), the wheels' speeds at the start; `s`, `out` (2 wheels,).
+    """
+    for i in range(c.wheels.size):
+        wheel = c.wheels[i]
+        y = s[2 * i + 1]
+        if wheel.parent < 0:
+            p = damped(wheel.beta, t)
+            moved, gained = excite(c.drive, wheel.beta, p, tau, t)
+            pushed = wheel.sign * wheel.turn * c.alpha
+            out[2 * i] = y * p.e + wheel.drag * p.g + pushed * moved
+            out[2 * i + 1] = y * p.d + wheel.drag * p.e + pushed * gained
+        else:
+            parent = c.wheels[wheel.parent]
+            q = pair(parent.beta, wheel.beta, t)
+            speed = wheel.ratio * u[wheel.parent]
+            drag = wheel.ratio * parent.gamma
+            out[2 * i] = y * q.e2 - speed * q.e12 + (drag * q.g1 - wheel.gamma * q.g2)
+            out[2 * i + 1] = y * q.d2 - speed * q.d12 + (drag * q.e1 - wheel.gamma * q.e2)
 
 
 @jit
-def flow(c: Constants, tau: float, x1: float, y1: float, x2: float, y2: float, t: float) -> State:
+def flow(c: Constants, tau: float, s: Floats, t: float) -> Floats:
     """State after a flight of time `t` from `tau` (Eq. 3; Eq. 10 is this map after a mesh-1
-    impact)."""
-    dx1, y1, dx2, y2 = displacement(c, tau, y1, y2, t)
-    return x1 + dx1, y1, x2 + dx2, y2
+    impact).
+
+    Shapes: `s`, result (2 wheels,).
+    """
+    out = np.empty(s.size)
+    displace(c, tau, wheel_speeds(c, tau, s), s, t, out)
+    for i in range(c.wheels.size):
+        out[2 * i] += s[2 * i]
+    return out
 
 
 @internal
-def field(c: Constants, tau: float, y1: float, y2: float) -> Floats:
-    """The drift, ``d(x1, y1, x2, y2) / d tau`` in flight without noise (Eq. 3).
+def field(c: Constants, tau: float, s: Floats) -> Floats:
+    """The drift, ``d(x1, y1, ...) / d tau`` in flight without noise (Eq. 3).
 
-    Shapes: result (4,).
+    Shapes: `s`, result (2 wheels,).
     """
-    u1, _ = wheel_speeds(c, tau, y1, y2)
-    drag1 = c.beta1 * u1 + c.gamma1
-    f = np.zeros(4)
-    f[0], f[1] = y1, c.alpha * acceleration(c.drive, tau) + drag1
-    if c.stages == 2:
-        f[2] = y2
-        f[3] = (c.beta1 - c.beta2) * u1 - c.beta2 * y2 + (c.gamma1 - c.gamma2)
+    u = wheel_speeds(c, tau, s)
+    f = np.empty(s.size)
+    for i in range(c.wheels.size):
+        wheel = c.wheels[i]
+        f[2 * i] = s[2 * i + 1]
+        if wheel.parent < 0:
+            pull = wheel.beta * u[i] + wheel.gamma
+            driver = wheel.turn * c.alpha * acceleration(c.drive, tau)
+            f[2 * i + 1] = wheel.sign * (driver + pull)
+        else:
+            relative = -wheel.coupling * u[wheel.parent] - wheel.beta * s[2 * i + 1]
+            f[2 * i + 1] = relative + wheel.drag
     return f
 
 
@@ -90,13 +133,14 @@ def field(c: Constants, tau: float, y1: float, y2: float) -> Floats:
 def field_rate(c: Constants, tau: float) -> Floats:
     """Partial derivative of the drift `field` with respect to time.
 
-    Shapes: result (4,).
+    Shapes: result (2 wheels,).
     """
-    f = np.zeros(4)
+    f = np.zeros(2 * c.wheels.size)
     second = acceleration(c.drive, tau)
-    f[1] = c.alpha * (jerk(c.drive, tau) + c.beta1 * second)
-    if c.stages == 2:
-        f[3] = c.alpha * (c.beta1 - c.beta2) * second
+    third = jerk(c.drive, tau)
+    for i in range(c.wheels.size):
+        wheel = c.wheels[i]
+        f[2 * i + 1] = c.alpha * (wheel.second * third + wheel.first * second)
     return f
 
 
@@ -104,229 +148,260 @@ def field_rate(c: Constants, tau: float) -> Floats:
 def system_matrix(c: Constants) -> Floats:
     """``A`` of the linear flight ``s' = A s + ...`` (Eq. 8).
 
-    Shapes: result (4, 4).
+    Shapes: result (2 wheels, 2 wheels).
     """
-    a = np.zeros((4, 4))
-    a[0, 1] = 1.0
-    a[1, 1] = -c.beta1
-    if c.stages == 2:
-        a[2, 3] = 1.0
-        a[3, 1] = c.beta2 - c.beta1
-        a[3, 3] = -c.beta2
+    size = 2 * c.wheels.size
+    a = np.zeros((size, size))
+    v = deviations(c)
+    for i in range(c.wheels.size):
+        wheel = c.wheels[i]
+        a[2 * i, 2 * i + 1] = 1.0
+        a[2 * i + 1, 2 * i + 1] = -wheel.beta
+        if wheel.parent >= 0:
+            for j in range(i):
+                a[2 * i + 1, 2 * j + 1] = wheel.coupling * v[wheel.parent, j]
     return a
 
 
 @internal
-def jacobian(c: Constants, t: float) -> Floats:
-    """``exp(A t)``, the derivative of `flow` with respect to ``(x1, y1, x2, y2)``.
+def _propagate(c: Constants, v: Floats, apart: Floats, t: float) -> Floats:
+    """``exp(A t)`` in coordinates in which the wheels' deviations are ``v = V y``; a wheel that
+    stands `apart` is its own coordinate, and flies by itself.
 
-    Shapes: result (4, 4).
+    Shapes: `v` (wheels, wheels); `apart` (wheels,); result (2 wheels, 2 wheels).
     """
-    j = np.zeros((4, 4))
-    p = pair(c.beta1, c.beta2, t)
-    j[0, 0] = 1.0
-    j[0, 1] = p.e1
-    j[1, 1] = p.d1
-    j[2, 2] = 1.0
-    j[2, 3] = p.e2
-    j[3, 3] = p.d2
-    j[2, 1] = p.e12
-    j[3, 1] = p.d12
+    size = 2 * c.wheels.size
+    j = np.zeros((size, size))
+    for i in range(c.wheels.size):
+        wheel = c.wheels[i]
+        p = damped(wheel.beta, t)
+        j[2 * i, 2 * i] = 1.0
+        j[2 * i, 2 * i + 1] = p.e
+        j[2 * i + 1, 2 * i + 1] = p.d
+        if wheel.parent >= 0 and apart[i] == 0.0:
+            q = pair(c.wheels[wheel.parent].beta, wheel.beta, t)
+            for k in range(i):
+                speed = wheel.ratio * v[wheel.parent, k]
+                j[2 * i, 2 * k + 1] = speed * q.e12
+                j[2 * i + 1, 2 * k + 1] = speed * q.d12
     return j
 
 
 @internal
-def noise_rate(c: Constants, tau: float) -> tuple[float, float]:
-    """Noise coefficients of ``(y_1, y_2)`` for the one white noise ``sigma eta`` (Eq. 5), for
-    ``sigma = 1``."""
-    first, second = velocity_acceleration(c.drive, tau)
-    return second + c.beta1 * first, (c.beta1 - c.beta2) * first
+def jacobian(c: Constants, t: float) -> Floats:
+    """``exp(A t)``, the derivative of `flow` with respect to the state.
+
+    Shapes: result (2 wheels, 2 wheels).
+    """
+    return _propagate(c, deviations(c), np.zeros(c.wheels.size), t)
 
 
 @internal
-def _responses(c: Constants, p: Pair, sine: float, cosine: float, relative: bool) -> State:
-    """Response of ``(x1, y1, x2, y2)`` to unit noise a lag earlier (`relative`: see
-    `noise_covariance`).
+def noise_rate(c: Constants, tau: float, i: int) -> float:
+    """Noise coefficient of ``y_i`` for the one white noise ``sigma eta`` (Eq. 5), for ``sigma =
+    1``."""
+    first, second = velocity_acceleration(c.drive, tau)
+    wheel = c.wheels[i]
+    rate: float = wheel.second * second + wheel.first * first
+    return rate
+
+
+@internal
+def _respond(
+    c: Constants, apart: Floats, lag: float, sine: float, cosine: float, g: Floats
+) -> None:
+    """Response of the coordinates to unit noise a lag earlier (see `noise_covariance`).
 
     `sine` and `cosine` are of the phase at which the noise acts, or ``-f''`` and ``f'`` of several
-    orders there.
+    orders there. Shapes: `g` (2 wheels,).
     """
-    m1 = c.beta1 * cosine - sine
-    if c.stages == 1:
-        return p.e1 * m1, p.d1 * m1, 0.0, 0.0
-    if relative:
-        m = sine - c.beta2 * cosine
-        return p.e1 * m1, p.d1 * m1, p.e2 * m, p.d2 * m
-    d = c.beta1 - c.beta2
-    # beta_1 d1 - beta_2 d2
-    faster = d * p.d1 + c.beta2 * p.d12 if d > 0.0 else d * p.d2 + c.beta1 * p.d12
-    return p.e1 * m1, p.d1 * m1, -cosine * p.d12 - sine * p.e12, cosine * faster - sine * p.d12
+    for i in range(c.wheels.size):
+        wheel = c.wheels[i]
+        if wheel.parent < 0 or apart[i] != 0.0:
+            p = damped(wheel.beta, lag)
+            m = wheel.sign * wheel.turn * (wheel.beta * cosine - sine)
+            g[2 * i] = p.e * m
+            g[2 * i + 1] = p.d * m
+            continue
+        beta = c.wheels[wheel.parent].beta
+        q = pair(beta, wheel.beta, lag)
+        d = beta - wheel.beta
+        # beta_1 d1 - beta_2 d2
+        faster = d * q.d1 + wheel.beta * q.d12 if d > 0.0 else d * q.d2 + beta * q.d12
+        g[2 * i] = wheel.turn * (-cosine * q.d12 - sine * q.e12)
+        g[2 * i + 1] = wheel.turn * (cosine * faster - sine * q.d12)
 
 
 @splice
-def _harmonics(c: Constants, h: float, relative: bool) -> Floats:
+def _harmonics(c: Constants, apart: Floats, h: float) -> Floats:
     """Covariance of unit noise over a time h: the terms in ``sin^2``, ``sin cos`` and ``cos^2`` of
     the initial phase.
 
-    Shape (3, 4, 4); by Gauss-Legendre quadrature over the lag before the end.
+    Shape (3, 2 wheels, 2 wheels); by Gauss-Legendre quadrature over the lag before the end.
     """
-    q = np.zeros((3, 4, 4))
-    g = np.empty((2, 4))
+    size = 2 * c.wheels.size
+    q = np.zeros((3, size, size))
+    g = np.empty((2, size))
     for n in range(NODES.size):
-        lag = h * NODES[n]
         since = h * NODES[NODES.size - 1 - n]
         sine = math.sin(since)
         cosine = math.cos(since)
-        p = pair(c.beta1, c.beta2, lag)
-        g[0, 0], g[0, 1], g[0, 2], g[0, 3] = _responses(c, p, cosine, -sine, relative)
-        g[1, 0], g[1, 1], g[1, 2], g[1, 3] = _responses(c, p, sine, cosine, relative)
+        _respond(c, apart, h * NODES[n], cosine, -sine, g[0])
+        _respond(c, apart, h * NODES[n], sine, cosine, g[1])
         w = h * WEIGHTS[n]
-        for i in range(2 * c.stages):
-            for j in range(i + 1):
+        for i in range(size):
+            for j in range(size):
                 q[0, i, j] += w * g[0, i] * g[0, j]
                 q[1, i, j] += w * (g[0, i] * g[1, j] + g[1, i] * g[0, j])
                 q[2, i, j] += w * g[1, i] * g[1, j]
-    for i in range(4):
-        for j in range(i):
-            q[0, j, i], q[1, j, i], q[2, j, i] = q[0, i, j], q[1, i, j], q[2, i, j]
     return q
 
 
-@internal
-def _forward(c: Constants, t: float, relative: bool) -> Floats:
-    """`jacobian` in the coordinates of `_responses`."""
-    j = jacobian(c, t)
-    if relative:
-        j[2, 1] = j[3, 1] = 0.0
-    return j
-
-
 @splice
-def _double(c: Constants, q: Floats, h: float, relative: bool) -> Floats:
-    """`_harmonics` of twice the time: first half propagated through the second, plus the second,
-    its phase shifted."""
-    j = _forward(c, h, relative)
+def _double(q: Floats, j: Floats, h: float) -> Floats:
+    """`_harmonics` of twice the time: first half propagated by `j` through the second, plus the
+    second, its phase shifted."""
     s = math.sin(h)
     k = math.cos(h)
-    size = 2 * c.stages
-    out = np.zeros((3, 4, 4))
-    for a in range(size):
-        for b in range(a + 1):
-            out[0, a, b] = k * k * q[0, a, b] - k * s * q[1, a, b] + s * s * q[2, a, b]
-            out[1, a, b] = 2.0 * k * s * (q[0, a, b] - q[2, a, b]) + (k - s) * (k + s) * q[1, a, b]
-            out[2, a, b] = s * s * q[0, a, b] + k * s * q[1, a, b] + k * k * q[2, a, b]
-            for m in range(size):
-                for n in range(size):
-                    carried = j[a, m] * j[b, n]
-                    for part in range(3):
-                        out[part, a, b] += carried * q[part, m, n]
-            for part in range(3):
-                out[part, b, a] = out[part, a, b]
-    return out
-
-
-@jit
-def _covariance(drive: Any, c: Constants, tau: float, t: float, relative: bool) -> Floats:
-    """`noise_covariance` in the coordinates of `_responses`."""
-    fastest = max(c.beta1, c.beta2)
-    square = c.sigma * c.sigma
-    panel = min(PANEL, 2.0 / fastest) if fastest > 0.0 else PANEL
-    if len(drive) != 0:
-        out = _over_orders(c, tau, t, min(panel, PANEL / highest_order(drive)), relative)
-        for i in range(4):
-            for j in range(4):
-                out[i, j] *= square
-        return out
-    h = t
-    doublings = 0
-    while h > panel:
-        h *= 0.5
-        doublings += 1
-    q = _harmonics(c, h, relative)
-    for _ in range(doublings):
-        q = _double(c, q, h, relative)
-        h *= 2.0
-    sine = math.sin(tau)
-    cosine = math.cos(tau)
-    out = np.empty((4, 4))
-    for i in range(4):
-        for j in range(4):
-            out[i, j] = square * (
-                sine * (sine * q[0, i, j] + cosine * q[1, i, j]) + cosine * cosine * q[2, i, j]
-            )
+    out = np.empty(q.shape)
+    for part in range(3):
+        put(out[part], congruence(j, q[part]))
+    for a in range(q.shape[1]):
+        for b in range(q.shape[2]):
+            out[0, a, b] += k * k * q[0, a, b] - k * s * q[1, a, b] + s * s * q[2, a, b]
+            out[1, a, b] += 2.0 * k * s * (q[0, a, b] - q[2, a, b]) + (k - s) * (k + s) * q[1, a, b]
+            out[2, a, b] += s * s * q[0, a, b] + k * s * q[1, a, b] + k * k * q[2, a, b]
     return out
 
 
 @internal
-def _over_panels(c: Constants, tau: float, t: float, panel: float, relative: bool) -> Floats:
+def _over_panels(
+    c: Constants, v: Floats, apart: Floats, tau: float, t: float, panel: float
+) -> Floats:
     """Covariance of unit noise by Gauss-Legendre quadrature on panels, each propagated through the
     next."""
+    size = 2 * c.wheels.size
     panels = max(1, math.ceil(t / panel))
     h = t / panels
-    j = _forward(c, h, relative)
-    q = np.zeros((4, 4))
-    g = np.zeros(4)
+    j = _propagate(c, v, apart, h)
+    q = np.zeros((size, size))
+    g = np.zeros(size)
     for k in range(panels):
         if k > 0:
             q = congruence(j, q)
         for n in range(NODES.size):
-            first, second = velocity_acceleration(
-                c.drive, tau + (k + NODES[NODES.size - 1 - n]) * h
-            )
-            p = pair(c.beta1, c.beta2, h * NODES[n])
-            g[0], g[1], g[2], g[3] = _responses(c, p, -second, first, relative)
-            for a in range(2 * c.stages):
-                for b in range(2 * c.stages):
+            begin = tau + (k + NODES[NODES.size - 1 - n]) * h
+            first, second = velocity_acceleration(c.drive, begin)
+            _respond(c, apart, h * NODES[n], -second, first, g)
+            for a in range(size):
+                for b in range(size):
                     q[a, b] += h * WEIGHTS[n] * (g[a] * g[b])
     return q
 
 
 @internal
-def _over_orders(c: Constants, tau: float, t: float, panel: float, relative: bool) -> Floats:
+def _over_orders(
+    c: Constants, v: Floats, apart: Floats, tau: float, t: float, panel: float
+) -> Floats:
     """Covariance of unit noise for a drive of several orders: whole periods by doubling, then the
     rest of the time."""
     periods = int(t / TURN)
     rest = t - periods * TURN
-    out = np.zeros((4, 4))
+    out = np.zeros((2 * c.wheels.size, 2 * c.wheels.size))
     if periods > 0:
-        q = _over_panels(c, tau, TURN, panel, relative)
+        q = _over_panels(c, v, apart, tau, TURN, panel)
         h = TURN
         while True:
             if periods & 1:
-                out = congruence(_forward(c, h, relative), out) + q
+                out = congruence(_propagate(c, v, apart, h), out) + q
             periods >>= 1
             if periods == 0:
                 break
-            q = congruence(_forward(c, h, relative), q) + q
+            q = congruence(_propagate(c, v, apart, h), q) + q
             h *= 2.0
-        out = congruence(_forward(c, rest, relative), out)
-    return out + _over_panels(c, tau, rest, panel, relative)
+        out = congruence(_propagate(c, v, apart, rest), out)
+    total: Floats = out + _over_panels(c, v, apart, tau, rest, panel)
+    return total
 
 
 @internal
+def _covariance(drive: Any, c: Constants, v: Floats, apart: Floats, tau: float, t: float) -> Floats:
+    """Covariance of the coordinates of `noise_covariance` by unit noise."""
+    fastest = 0.0
+    for i in range(c.wheels.size):
+        fastest = max(fastest, c.wheels[i].beta)
+    panel = min(PANEL, 2.0 / fastest) if fastest > 0.0 else PANEL
+    if len(drive) != 0:
+        return _over_orders(c, v, apart, tau, t, min(panel, PANEL / highest_order(drive)))
+    h = t
+    doublings = 0
+    while h > panel:
+        h *= 0.5
+        doublings += 1
+    q = _harmonics(c, apart, h)
+    for _ in range(doublings):
+        q = _double(q, _propagate(c, v, apart, h), h)
+        h *= 2.0
+    sine = math.sin(tau)
+    cosine = math.cos(tau)
+    out = np.empty(q.shape[1:])
+    for i in range(q.shape[1]):
+        for j in range(q.shape[2]):
+            mixed = sine * (sine * q[0, i, j] + cosine * q[1, i, j])
+            out[i, j] = mixed + cosine * cosine * q[2, i, j]
+    return out
+
+
+@internal
+def _stand_apart(c: Constants, t: float) -> Floats:
+    """1 for each wheel whose noise is integrated apart from that of its parent, else 0: their
+    dampings differ much over the time for which speeds last."""
+    apart = np.zeros(c.wheels.size)
+    for i in range(c.wheels.size):
+        wheel = c.wheels[i]
+        if wheel.parent >= 0:
+            beta = c.wheels[wheel.parent].beta
+            most = max(beta, wheel.beta)
+            lasting = min(t, 1.0 / most) if most > 0.0 else t
+            apart[i] = 1.0 if abs(beta - wheel.beta) * lasting > 0.5 else 0.0
+    return apart
+
+
+@jit
 def noise_covariance(c: Constants, tau: float, t: float) -> Floats:
-    """Covariance of ``(x1, y1, x2, y2)`` that the noise adds in a flight of time `t` from `tau`.
+    """Covariance of the state that the noise adds in a flight of time `t` from `tau`.
 
     ``sigma^2 int exp(A r) m m' exp(A' r) dr`` over the lag r before the end of the flight, ``m``
     the modulation of Eq. 5.  The flight is halved until Gauss-Legendre quadrature is exact to
     rounding, then doubled again: a flight of time 1e6 takes twenty doublings.  With several orders
     a period is summed panel by panel, and then doubled.
 
-    Where the dampings differ much over the time for which speeds last, noise is integrated in
-    relative coordinates ``(x1, y1, x2 - x1, y2 - y1)``, which decouple the two wheels.  Elsewhere
-    x2 and y2 are integrated themselves: their small variances would be lost as a difference.
+    A wheel whose damping differs much from its parent's is integrated by its own deviation, which
+    decouples the two.  Elsewhere the gap itself is integrated: its small variance would be lost as
+    a difference.
 
-    Shapes: result (4, 4).
+    Shapes: result (2 wheels, 2 wheels).
     """
-    most = max(c.beta1, c.beta2)
-    relative = (
-        c.stages == 2 and abs(c.beta1 - c.beta2) * (min(t, 1.0 / most) if most > 0.0 else t) > 0.5
-    )
-    out = _covariance(c.drive, c, tau, t, relative)
-    if relative:  # back to x2 and y2
-        for i in range(2):
-            for j in range(4):
-                out[2 + i, j] += out[i, j]
-            for j in range(4):
-                out[j, 2 + i] += out[j, i]
+    size = 2 * c.wheels.size
+    apart = _stand_apart(c, t)
+    # deviations v and gaps y of the coordinates: a wheel apart is the coordinate sign v itself
+    v = deviations(c)
+    gaps = np.eye(c.wheels.size)
+    for i in range(c.wheels.size):
+        wheel = c.wheels[i]
+        for j in range(i):
+            carried = wheel.ratio * v[wheel.parent, j] if wheel.parent >= 0 else 0.0
+            v[i, j] = 0.0 if apart[i] != 0.0 else carried
+            gaps[i, j] = carried if apart[i] != 0.0 else 0.0
+    out = _covariance(c.drive, c, v, apart, tau, t)
+    to_gaps = np.zeros((size, size))
+    square = c.sigma * c.sigma
+    for i in range(c.wheels.size):
+        for j in range(i + 1):
+            to_gaps[2 * i, 2 * j] = gaps[i, j]
+            to_gaps[2 * i + 1, 2 * j + 1] = gaps[i, j]
+    out = congruence(to_gaps, out)
+    for i in range(size):
+        for j in range(size):
+            out[i, j] *= square
     return out

@@ -2,37 +2,49 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import InitVar, dataclass, fields
+from dataclasses import InitVar, dataclass, fields, replace
 from typing import Any, ClassVar
 
-from rattle.scene.drag import DRAG_TABLES, DragLaw, drag_at, read_drag
+from rattle.scene.drag import DRAG_TABLES, DragLaw, drag_at
 from rattle.scene.errors import (
     InputError,
     check_keys,
-    check_range,
-    finite,
     non_negative,
     positive,
     suggesting,
-    unit_interval,
 )
+from rattle.scene.loose_wheel import (
+    OPTIONAL_KINDS,
+    WHEEL_KINDS,
+    LooseWheel,
+    check_value,
+    ratios_of,
+    read_wheels,
+    spell_value,
+    value_name,
+)
+from rattle.scene.parts import Wheel, are_given, find_parents, wheel_labels
 from rattle.scene.text import as_call
 from rattle.scene.units import Units
 
 KG_MM_PER_S2_PER_N = 1000.0  # 1 N = 1000 kg mm / s^2
-SIZES = (1e-12, 1e12)  # admissible range of every dimensional value, in the units below
 DRIVES = ("alpha", "amplitude", "amplitude_rad")
 """The ways to give the drive; just one of them."""
 SPEEDS = {"speed_rpm": 2.0 * math.pi / 60.0, "speed_rad_s": 1.0}
 """The ways to give the mean speed of the driver, at most one of them, and their units in rad/s."""
 WHEEL2 = ("inertia2", "radius2")
 """What a second wheel must have."""
+NUMBERED = tuple(f"{kind}{number}" for kind in WHEEL_KINDS for number in (1, 2))
+"""Fields of one or two wheels in a row, which gears given as `wheels` have no use for."""
 
 
 @suggesting
 @dataclass(frozen=True, kw_only=True)
 class Gears:
-    """Physical data of the driver and its one or two loose wheels.
+    """Physical data of the driver and its loose wheels.
+
+    One or two wheels in a row are given by numbered values, any number of them up to 32 as
+    `wheels`.
 
     `driven` takes the amplitude of the driver's motion in place of `alpha`, and the mean speed.
     All dimensional values are at most 1e12 in the units below; frequency, inertias, radii and
@@ -47,7 +59,8 @@ class Gears:
     alpha : float
         Excitation amplitude ``R_e a / backlash1`` (dimensionless).
     epsilon : float
-        Restitution of both meshes (dimensionless, 0 to 1).
+        Restitution of all meshes (dimensionless, 0 to 1); of `wheels`, of those that have none of
+        their own.
     omega : float
         Excitation frequency in rad/s.
     inertia1, inertia2 : float
@@ -63,6 +76,10 @@ class Gears:
         Drag torques in N mm at the mean speed; left out, none, and on wheel 2 that on wheel 1.
         Damping acts on the oscillation alone: what it brakes the mean rotation by, ``damping * mean
         speed``, is part of the torque.
+    wheels : sequence of Gears.Wheel, optional
+        The loose wheels of a gearbox, 1 to 32, each after the one that it meshes with, in place of
+        all numbered values; a dictionary of its values will do for each.  The first one meshes
+        with the driver, and its backlash is the unit of length.
     origin : Gears, optional
         Those that these are a changed copy of; given by ``dataclasses.replace``.
 
@@ -84,23 +101,37 @@ class Gears:
     >>> wide = replace(pair, backlash1=0.4)
     >>> pair.amplitude, wide.amplitude, round(wide.alpha, 6)
     (0.3, 0.3, 0.75)
+
+    A shaft behind the driver, and two wheels on its second and third toothing:
+
+    >>> shaft = Gears.Wheel(name="shaft", inertia=9000.0, radius=45.0, backlash=0.12, torque=80.0)
+    >>> others = {"meshes": "shaft", "inertia": 1500.0, "torque": 30.0}
+    >>> first = Gears.Wheel(name="first", parent_radius=20.0, radius=58.0, **others)
+    >>> third = Gears.Wheel(name="third", parent_radius=36.0, radius=42.0, **others)
+    >>> box = Gears.driven(amplitude=0.4, omega=170.0, epsilon=0.6, wheels=[shaft, first, third])
+    >>> box.wheel_names, box.tree[2].backlash
+    (('shaft', 'first', 'third'), 0.12)
     """
 
     alpha: float
-    epsilon: float
+    epsilon: float = None  # type: ignore[assignment]  # of wheels that all have one of their own
     omega: float
-    inertia1: float
-    inertia2: float = None  # type: ignore[assignment]  # None without a second wheel
-    radius1: float
+    inertia1: float = None  # type: ignore[assignment]  # None of wheels that do not exist
+    inertia2: float = None  # type: ignore[assignment]
+    radius1: float = None  # type: ignore[assignment]
     radius2: float = None  # type: ignore[assignment]
-    backlash1: float
-    backlash2: float = None  # type: ignore[assignment]  # these of a wheel 2 are those of wheel 1, filled in below
-    damping1: float = 0.0
+    backlash1: float = None  # type: ignore[assignment]
+    backlash2: float = None  # type: ignore[assignment]  # what is left out is filled in below
+    damping1: float = None  # type: ignore[assignment]
     damping2: float = None  # type: ignore[assignment]
-    torque1: float = 0.0
+    torque1: float = None  # type: ignore[assignment]
     torque2: float = None  # type: ignore[assignment]
+    wheels: tuple[LooseWheel, ...] = ()
     origin: InitVar["Gears | None"] = None
 
+    Wheel: ClassVar[type[LooseWheel]] = LooseWheel
+    tree: ClassVar[tuple[LooseWheel, ...]] = ()
+    """The loose wheels of an instance, in either form; torques are those at the mean speed."""
     # of an instance what `driven` was given in place of a field's value
     _typed: ClassVar[dict[str, Any]] = {}
     ELSEWHERE = dict.fromkeys(
@@ -108,28 +139,40 @@ class Gears:
     )
 
     def __post_init__(self, origin: "Gears | None") -> None:
-        given = [name for name in WHEEL2 if getattr(self, name) is not None]
-        if len(given) == 1:
-            other = WHEEL2[1 - WHEEL2.index(given[0])]
-            raise InputError(
-                other, None, f"goes with {given[0]}; leave out both where there is no wheel 2"
-            )
-        for name in ("backlash", "damping", "torque"):
-            if given and getattr(self, f"{name}2") is None:
-                object.__setattr__(self, f"{name}2", getattr(self, f"{name}1"))
-        for f in fields(self):
-            if given or f.name[-1] != "2" or getattr(self, f.name) is not None:
-                object.__setattr__(self, f.name, finite(f.name, getattr(self, f.name)))
-        for name, value in self.values.items():
-            if name.startswith(("omega", "inertia", "radius", "backlash")):
-                check_range(name, positive(name, value), *SIZES)
-            if name.startswith(("damping", "torque")):
-                check_range(name, non_negative(name, value), 0.0, SIZES[1])
-        non_negative("alpha", self.alpha)
-        unit_interval("epsilon", self.epsilon)
+        given = {name: getattr(self, name) for name in NUMBERED}
+        has_wheels = are_given(self.wheels)
+        if has_wheels:
+            tree = read_wheels(self.wheels)
+            values: dict[str, Any] = {"wheels": tree}
+            for name, value in given.items():
+                if value is not None:
+                    why = "belongs to gears without wheels; give it with each wheel"
+                    raise InputError(name, value, why)
+        else:
+            tree = read_wheels(_numbered_wheels(given), named=False)
+            values = {name: check_value(name, v) for name, v in given.items() if v is not None}
+            for number, wheel in enumerate(tree, 1):
+                values |= {f"{kind}{number}": getattr(wheel, kind) for kind in WHEEL_KINDS}
+        if has_wheels:
+            values["epsilon"] = _common_epsilon(tree, self.epsilon)
+        for name in ("alpha", "epsilon", "omega"):
+            values[name] = check_value(name, values.get(name, getattr(self, name)))
+        for name, value in values.items():
+            object.__setattr__(self, name, value)
+        object.__setattr__(self, "tree", tree)
         if origin is not None:
             self._keep_typed(origin)
+        else:
+            self._check_complete()
         object.__setattr__(self, "origin", self)
+
+    def _check_complete(self) -> None:
+        """Refuse what needs the driver's speed or radius, which `driven` takes."""
+        for number, wheel in enumerate(self.tree, 1):
+            if wheel.torque_over_rpm is not None:
+                name = self.name_of(number, "torque_over_rpm")
+                raise InputError(name, wheel.torque_over_rpm, self.ELSEWHERE["speed_rpm"])
+        ratios_of(self.tree)
 
     def _keep_typed(self, origin: "Gears") -> None:
         """Derive again what was derived in the gears that these are a changed copy of."""
@@ -156,13 +199,20 @@ class Gears:
         if set(DRIVES) & set(self._typed):
             del values["alpha"]
         values |= self._typed
+        if all(wheel.epsilon is not None for wheel in self.wheels) and self.wheels:
+            del values["epsilon"]
         names = (*DRIVES, *values)
-        return {name: values[name] for name in dict.fromkeys(names) if values.get(name) is not None}
+        shown = dict.fromkeys(names)
+        return {name: values[name] for name in shown if values.get(name) not in (None, ())}
 
     @property
-    def wheels(self) -> int:
-        """How many loose wheels there are: 1 or 2."""
-        return 1 if self.inertia2 is None else 2
+    def wheel_names(self) -> tuple[str, ...]:
+        """What a person calls each wheel: its name, or its number."""
+        return wheel_labels(self.tree)
+
+    def name_of(self, number: int, kind: str) -> str:
+        """The name of a value of a wheel: ``torque1``, or ``wheel.third.torque``."""
+        return value_name(self.wheel_names, number, kind, bool(self.wheels))
 
     @classmethod
     def driven(
@@ -210,9 +260,8 @@ class Gears:
         Raises
         ------
         InputError
-            Unless the drive is given in just one way, or if a value has no physical meaning, or a
-            speed comes without `driver_radius`, or drag over speed without a speed or for
-            another one.
+            Unless the drive is given in just one way, or if a value has no physical meaning, or for
+            a speed without `driver_radius`, or drag over speed without a speed.
 
         Examples
         --------
@@ -227,65 +276,69 @@ class Gears:
         >>> Gears.driven(speed_rpm=1800.0, torque1_over_rpm=oil, **others).torque1
         70.0
         """
-        drives = {
-            "alpha": values.get("alpha"),
+        typed = {
             "amplitude": amplitude,
             "amplitude_rad": amplitude_rad,
+            "speed_rpm": speed_rpm,
+            "speed_rad_s": speed_rad_s,
+            "driver_radius": driver_radius,
         }
-        given = [name for name in DRIVES if drives[name] is not None]
+        typed = {name: value for name, value in typed.items() if value is not None}
+        tables = dict(zip(DRAG_TABLES, (torque1_over_rpm, torque2_over_rpm), strict=True))
+        return cls._drive(typed, tables, values)
+
+    @classmethod
+    def _drive(
+        cls, typed: dict[str, Any], tables: Mapping[str, Any], values: dict[str, Any]
+    ) -> "Gears":
+        """Gears from what `driven` takes: the values that are no fields of theirs, tables of drag
+        over speed, and the others."""
+        given = [name for name in DRIVES if name in typed or values.get(name) is not None]
         if len(given) != 1:
             raise InputError(
                 "gears",
                 given,
                 "give the drive once: " + ", ".join(DRIVES[:-1]) + f" or {DRIVES[-1]}",
             )
-        speeds = {
-            name: v
-            for name, v in {"speed_rpm": speed_rpm, "speed_rad_s": speed_rad_s}.items()
-            if v is not None
-        }
+        speeds = [name for name in SPEEDS if name in typed]
         if len(speeds) == 2:
-            raise InputError("gears", list(speeds), "give the mean speed of the driver once")
-        if speeds and driver_radius is None:
-            why = (
-                "give the driver's base radius in mm, for the wheels' speeds; or wheel 1's, with"
-                " wheel 1's speed"
-            )
-            raise InputError("driver_radius", None, why)
-        if (driver_radius is None) != (amplitude_rad is None and not speeds):
-            why = "goes with amplitude_rad or a speed, in mm, and with nothing else"
-            raise InputError("driver_radius", driver_radius, why)
-        radius = 0.0
-        if driver_radius is not None:
-            radius = check_range("driver_radius", positive("driver_radius", driver_radius), *SIZES)
-        if amplitude_rad is not None:
-            amplitude = radius * non_negative("amplitude_rad", amplitude_rad)
+            raise InputError("gears", speeds, "give the mean speed of the driver once")
+        has_wheels = are_given(values.get("wheels", ()))
+        given_tables = {name: table for name, table in tables.items() if table is not None}
+        if has_wheels:
+            for name, table in given_tables.items():
+                raise InputError(name, table, "give each wheel its own torque_over_rpm")
+            wheels = read_wheels(values["wheels"])
+            typed["wheels"] = wheels
+            wheels = _share_radius(wheels, typed.get("driver_radius"))
+            radius: Any = wheels[0].parent_radius
+        else:
+            wheels = read_wheels(_numbered_wheels(values | given_tables), named=False)
+            radius = typed.get("driver_radius")
+        _check_radius(radius, typed, has_wheels)
+        amplitude = typed.get("amplitude")
+        if "amplitude_rad" in typed:
+            amplitude = radius * non_negative("amplitude_rad", typed["amplitude_rad"])
         if amplitude is not None:
-            non_negative("amplitude", amplitude)
-            backlash = values.get("backlash1", 1.0)  # one that is missing is refused below
-            values["alpha"] = amplitude / check_range(
-                "backlash1", positive("backlash1", backlash), *SIZES
-            )
-        tables = _drag_tables(torque1_over_rpm, torque2_over_rpm, values, bool(speeds))
-        gears = cls(**values)
-        typed: dict[str, Any] = dict(tables)
-        typed |= {name: v for name, v in drives.items() if v is not None and name != "alpha"}
-        torques = {}
+            values["alpha"] = non_negative("amplitude", amplitude) / wheels[0].backlash
+        names = [
+            value_name(wheel_labels(wheels), number, "torque_over_rpm", has_wheels)
+            for number in range(1, len(wheels) + 1)
+        ]
         if speeds:
-            ((name, speed),) = speeds.items()
-            # mean speed of all pitch circles, mm/s
-            rim = radius * SPEEDS[name] * non_negative(name, speed)
-            rpm = speed * (SPEEDS[name] / SPEEDS["speed_rpm"])
-            for i in range(1, gears.wheels + 1):
-                damping, _, torque, own = gears._wheel(i)
-                table = f"torque{i}_over_rpm"
-                typed[f"torque{i}"] = torque
-                if table in tables:
-                    torque = drag_at(table, tables[table], rpm)
-                    typed[f"torque{i}"] = None  # the table says it
-                torques[f"torque{i}"] = torque + damping * rim / own
-            gears = cls(**values | torques)
-        typed |= speeds | ({} if driver_radius is None else {"driver_radius": driver_radius})
+            braked = _brake(wheels, names, typed, radius)
+        else:
+            braked = wheels
+            _check_no_tables(wheels, names)
+        if has_wheels:
+            values["wheels"] = braked
+        elif speeds:
+            tables = {name: w.torque_over_rpm for name, w in zip(names, wheels, strict=True)}
+            typed = tables | typed
+            for name, wheel, after in zip(names, wheels, braked, strict=True):
+                typed[DRAG_TABLES[name]] = wheel.torque
+                values[DRAG_TABLES[name]] = after.torque
+        gears = cls(**values)
         object.__setattr__(gears, "_typed", typed)
         return gears
 
@@ -346,101 +399,158 @@ class Gears:
 
     @property
     def amplitude(self) -> float:
-        """Amplitude of the motion on the driver's pitch circle, ``alpha backlash1``, in mm."""
-        return float(self._typed.get("amplitude", self.alpha * self.backlash1))
+        """Amplitude of the motion on the driver's pitch circle, ``alpha`` times the backlash of
+        wheel 1, in mm."""
+        return float(self._typed.get("amplitude", self.alpha * self.tree[0].backlash))
 
     @property
     def units(self) -> Units:
         """What one dimensionless unit of time, length, speed and energy is, in ms, mm, mm/s and
         mJ."""
+        first = self.tree[0]
         # mm/s, kg
-        speed = self.backlash1 * self.omega
-        rim_mass = self.inertia1 / self.radius1**2
-        return Units(1000.0 / self.omega, self.backlash1, speed, 1e-3 * rim_mass * speed**2)
+        speed = first.backlash * self.omega
+        rim_mass = first.inertia / first.radius**2
+        return Units(1000.0 / self.omega, first.backlash, speed, 1e-3 * rim_mass * speed**2)
 
     @property
     def mu(self) -> float:
         """Wheel 1's share of the change of the relative velocity at an impact of both wheels
         (dimensionless, Eq. 2)."""
-        self._wheel(2)
-        a = self.inertia1 * self.radius2**2
-        b = self.inertia2 * self.radius1**2
+        first = self._wheel(1)
+        second = self._wheel(2)
+        a = first.inertia * second.radius**2
+        b = second.inertia * first.radius**2
         return b / (a + b)
 
     @property
     def gap2(self) -> float:
         """Half gap of mesh 2 in units of ``backlash1`` (docs/model.md section 1)."""
-        return self.backlash2 / (2.0 * self.backlash1)
+        return self.gap(2)
+
+    def gap(self, wheel: int) -> float:
+        """Half gap of the mesh of a wheel with its parent, in units of the backlash of mesh 1."""
+        return self._wheel(wheel).backlash / (2.0 * self.tree[0].backlash)
+
+    @property
+    def parameters(self) -> dict[str, Any]:
+        """The parameters of the model that gears fix, by the field of a scene (docs/model.md
+        section 1)."""
+        values: dict[str, Any] = {"alpha": self.alpha, "epsilon": self.epsilon}
+        if self.wheels:
+            return values | {"wheels": _model_wheels(self)}
+        values["gap1"] = 0.5
+        for number in range(1, len(self.tree) + 1):
+            values |= {f"beta{number}": self.beta(number), f"gamma{number}": self.gamma(number)}
+        return values if len(self.tree) == 1 else values | {"mu": self.mu, "gap2": self.gap2}
 
     def beta(self, wheel: int) -> float:
         """Damping ratio of a wheel, ``d / (I omega)`` (below Eq. 2, dimensionless).
 
         Parameters
         ----------
-        wheel : {1, 2}
-            Which wheel.
+        wheel : int
+            Which wheel, from 1 on.
 
         Returns
         -------
         float
-            ``beta_1`` or ``beta_2``.
+            ``beta_i`` of wheel i.
 
         Raises
         ------
         InputError
             If there is no such wheel.
         """
-        damping, inertia, _, _ = self._wheel(wheel)
-        return KG_MM_PER_S2_PER_N * damping / (inertia * self.omega)
+        at = self._wheel(wheel)
+        return KG_MM_PER_S2_PER_N * at.damping / (at.inertia * self.omega)
 
     def gamma(self, wheel: int) -> float:
         """Drag of a wheel, ``T R / (I nu_1 omega^2)`` (below Eq. 2, dimensionless).
 
-        Both wheels are divided by ``nu_1``: the only choice that leaves Eq. 3 free of ratios of
+        All wheels are divided by ``nu_1``: the only choice that leaves Eq. 3 free of ratios of
         backlashes.
 
         Parameters
         ----------
-        wheel : {1, 2}
-            Which wheel.
+        wheel : int
+            Which wheel, from 1 on.
 
         Returns
         -------
         float
-            ``gamma_1`` or ``gamma_2``.
+            ``gamma_i`` of wheel i.
 
         Raises
         ------
         InputError
             If there is no such wheel.
         """
-        _, inertia, torque, radius = self._wheel(wheel)
-        return KG_MM_PER_S2_PER_N * torque * radius / (inertia * self.backlash1 * self.omega**2)
+        at = self._wheel(wheel)
+        unit = at.inertia * self.tree[0].backlash * self.omega**2
+        return KG_MM_PER_S2_PER_N * at.torque * at.radius / unit
 
-    def _wheel(self, wheel: int) -> tuple[float, float, float, float]:
-        if wheel == 1:
-            return self.damping1, self.inertia1, self.torque1, self.radius1
-        if wheel == 2 and self.wheels == 2:
-            return self.damping2, self.inertia2, self.torque2, self.radius2
-        known = (
-            "the loose wheels are 1 and 2" if self.wheels == 2 else "there is one loose wheel, 1"
-        )
-        raise InputError("wheel", wheel, known)
+    def _wheel(self, number: int) -> LooseWheel:
+        """A wheel by its number."""
+        tree = self.tree
+        if number not in range(1, len(tree) + 1):
+            last = len(tree)
+            known = (
+                f"the loose wheels are 1 to {last}" if last > 1 else "there is one loose wheel, 1"
+            )
+            raise InputError("wheel", number, known)
+        return tree[number - 1]
+
+
+def _model_wheels(gears: Gears) -> tuple[Wheel, ...]:
+    """The wheels of the model; an error names the wheel."""
+    first = gears.wheels[0]
+    rim_mass = first.inertia / first.radius**2
+    ratios, _ = ratios_of(gears.wheels)
+    parents = find_parents(gears.wheels, "meshes")
+    wheels = []
+    for number, wheel in enumerate(gears.wheels, 1):
+        try:
+            wheels.append(
+                Wheel(
+                    beta=gears.beta(number),
+                    gamma=gears.gamma(number),
+                    gap=gears.gap(number),
+                    mass=wheel.inertia / wheel.radius**2 / rim_mass,
+                    parent=parents[number - 1],
+                    ratio=ratios[number - 1],
+                    epsilon=wheel.epsilon,
+                    tolerance=0.5 * wheel.backlash_tolerance / first.backlash,
+                    name=wheel.name,
+                )
+            )
+        except InputError as error:
+            name = gears.name_of(number, error.field.removeprefix("wheel."))
+            raise InputError(name, error.value, error.remedy) from None
+    return tuple(wheels)
 
 
 def values_of(gears: Gears) -> dict[str, float]:
-    """The values of gears that can be others: those that were typed, and the drive in mm and as
-    `alpha`."""
-    typed = {name: value for name, value in gears.values.items() if name not in DRAG_TABLES}
-    return {"alpha": gears.alpha, "amplitude": gears.amplitude} | typed
+    """The values of gears that can be others: those that were typed, the drive in mm and as
+    `alpha`, and the restitution of every named wheel."""
+    typed = gears.values
+    wheels = typed.pop("wheels", ())
+    values = {name: value for name, value in typed.items() if name not in DRAG_TABLES}
+    for number, wheel in enumerate(wheels, 1):
+        for kind in (*WHEEL_KINDS, *OPTIONAL_KINDS):
+            if getattr(wheel, kind) is not None:
+                values[gears.name_of(number, kind)] = getattr(wheel, kind)
+        values.setdefault(gears.name_of(number, "epsilon"), gears.epsilon)
+    return {"alpha": gears.alpha, "amplitude": gears.amplitude} | values
 
 
 def check_typed(gears: Gears, name: str, asked: str) -> None:
     """Refuse a value of other gears, which these were given without."""
-    if name not in values_of(gears) and name in (
-        *Gears.ELSEWHERE,
-        *(f.name for f in fields(Gears)),
-    ):
+    numbers = range(1, len(gears.tree) + 1)
+    of_wheels = (
+        gears.name_of(i, kind) for i in numbers for kind in (*WHEEL_KINDS, *OPTIONAL_KINDS)
+    )
+    if name not in values_of(gears) and name in (*Gears.ELSEWHERE, *NUMBERED, *of_wheels):
         why = "these gears were given without it; give it to Gears.driven, or in [gears], first"
         raise InputError(asked, name, why)
 
@@ -448,49 +558,129 @@ def check_typed(gears: Gears, name: str, asked: str) -> None:
 def change_gears(gears: Gears, changes: Mapping[str, Any]) -> Gears:
     """Gears with other values; all others stay as they were typed, and the driver's motion as it
     is."""
+    names = gears.wheel_names
+    changes = {spell_value(name, names, bool(gears.wheels)): v for name, v in changes.items()}
     for name in changes:
         check_typed(gears, name, "gears")
     check_keys("gears", changes, values_of(gears))
     drives = [name for name in DRIVES if name in changes]
     if len(drives) > 1:
         raise InputError("gears", drives, "give the drive once")
-    values = gears.values | {n: value for n, value in changes.items() if n not in DRIVES}
+    values = gears.values
+    for name, value in changes.items():
+        _, of_wheel, rest = name.partition("wheel.")
+        if of_wheel:
+            label, kind = rest.split(".")
+            at = names.index(label)
+            new = replace(values["wheels"][at], **{kind: value})
+            values["wheels"] = (*values["wheels"][:at], new, *values["wheels"][at + 1 :])
+        elif name not in DRIVES:
+            values[name] = value
     if drives:
         values = drive_by(values, drives[0], changes[drives[0]])
-    elif "alpha" in values and "backlash1" in changes:
-        backlash = positive("backlash1", values["backlash1"])
-        values["alpha"] = gears.amplitude / backlash
+    elif "alpha" in values and gears.name_of(1, "backlash") in changes:
+        first = gears.name_of(1, "backlash")
+        values["alpha"] = gears.amplitude / check_value(first, changes[first])
     return Gears.driven(**values)
 
 
-def _drag_tables(
-    first: object, second: object, values: dict[str, Any], has_speed: bool
-) -> dict[str, DragLaw]:
-    """The tables of drag over speed by name; of wheel 2 that of wheel 1 where it has no drag of its
-    own."""
-    given = dict(zip(DRAG_TABLES, (first, second), strict=True))
-    tables = {name: read_drag(name, points) for name, points in given.items() if points is not None}
-    has_wheel2 = values.get("inertia2") is not None
-    for name in tables:
-        torque = DRAG_TABLES[name]
-        if not has_speed:
+def _numbered_wheels(values: Mapping[str, Any]) -> tuple[LooseWheel, ...]:
+    """One or two wheels in a row from numbered values; None is left out."""
+    given = [name for name in WHEEL2 if values.get(name) is not None]
+    if len(given) == 1:
+        other = WHEEL2[1 - WHEEL2.index(given[0])]
+        why = f"goes with {given[0]}; leave out both where there is no wheel 2"
+        raise InputError(other, None, why)
+    table2 = values.get("torque2_over_rpm")
+    if table2 is not None and not given:
+        why = "belongs to wheel 2, which these gears do not have"
+        raise InputError("torque2_over_rpm", table2, why)
+    wheels = []
+    for number in range(1, 3 if given else 2):
+        of_wheel: dict[str, Any] = {
+            kind: values.get(value_name((), number, kind, named=False))
+            for kind in (*WHEEL_KINDS, "torque_over_rpm")
+        }
+        wheels.append(LooseWheel(meshes=number - 1, **of_wheel))
+    return tuple(wheels)
+
+
+def _common_epsilon(wheels: Sequence[LooseWheel], epsilon: float | None) -> float | None:
+    """The restitution of gears: that of the first wheel where each has its own."""
+    without = [number for number, wheel in enumerate(wheels) if wheel.epsilon is None]
+    if without and epsilon is None:
+        label = wheel_labels(wheels)[without[0]]
+        raise InputError("epsilon", None, f"give it, or wheel {label} one of its own")
+    return epsilon if without else wheels[0].epsilon
+
+
+def _share_radius(wheels: tuple[LooseWheel, ...], radius: float | None) -> tuple[LooseWheel, ...]:
+    """The wheels, the first one with the driver's radius there, which is given with it or with the
+    drive."""
+    first = wheels[0]
+    if radius is None:
+        return wheels
+    if first.parent_radius is not None:
+        why = f"wheel {first.name or 1} has parent_radius too, which is the same; keep one of them"
+        raise InputError("driver_radius", radius, why)
+    return (replace(first, parent_radius=check_value("driver_radius", radius)), *wheels[1:])
+
+
+def _check_radius(radius: float | None, typed: Mapping[str, Any], has_wheels: bool) -> None:
+    """Refuse gears without the driver's radius where it is needed, or with it for nothing."""
+    has_speed = bool(set(SPEEDS) & set(typed))
+    if has_speed and radius is None:
+        why = (
+            "give the driver's base radius in mm, for the wheels' speeds; or wheel 1's, with"
+            " wheel 1's speed"
+        )
+        raise InputError("driver_radius", None, why)
+    is_needed = has_speed or "amplitude_rad" in typed
+    is_allowed = is_needed or has_wheels
+    if (is_needed and radius is None) or (radius is not None and not is_allowed):
+        why = "goes with amplitude_rad or a speed, in mm, and with nothing else"
+        raise InputError("driver_radius", radius, why)
+    if radius is not None:
+        check_value("driver_radius", radius)
+
+
+def _brake(
+    wheels: Sequence[LooseWheel], names: Sequence[str], typed: Mapping[str, Any], radius: float
+) -> tuple[LooseWheel, ...]:
+    """Wheels with their torques at the driver's mean speed, and what their damping takes there.
+
+    `names`: of the tables of drag over speed.  `typed`: what `Gears.driven` was given.
+    """
+    name = next(name for name in SPEEDS if name in typed)
+    speed = typed[name]
+    # mean speed of the driver's pitch circle, mm/s
+    rim = radius * SPEEDS[name] * non_negative(name, speed)
+    rpm = speed * (SPEEDS[name] / SPEEDS["speed_rpm"])
+    braked = []
+    for name, wheel, turn in zip(names, wheels, ratios_of(wheels)[1], strict=True):
+        torque = wheel.torque
+        if wheel.torque_over_rpm is not None:
+            if torque is not None:
+                why = f"{name} is given too; keep one of them"
+                raise InputError(name.removesuffix("_over_rpm"), torque, why)
+            torque = drag_at(name, wheel.torque_over_rpm, rpm)
+        torque += wheel.damping * rim * turn / wheel.radius
+        braked.append(replace(wheel, torque=torque, torque_over_rpm=None))
+    return tuple(braked)
+
+
+def _check_no_tables(wheels: Sequence[LooseWheel], names: Sequence[str]) -> None:
+    """Refuse drag over the driver's speed where there is none."""
+    for name, wheel in zip(names, wheels, strict=True):
+        if wheel.torque_over_rpm is not None:
             why = f"give it, and driver_radius: {name} is read at the driver's mean speed"
             raise InputError("speed_rpm", None, why)
-        if values.get(torque) is not None:
-            raise InputError(torque, values[torque], f"{name} is given too; keep one of them")
-        if torque == "torque2" and not has_wheel2:
-            why = "belongs to wheel 2, which these gears do not have"
-            raise InputError(name, tables[name], why)
-    name1, name2 = DRAG_TABLES
-    if name1 in tables and name2 not in tables and has_wheel2 and values.get("torque2") is None:
-        tables[name2] = tables[name1]
-    return tables
 
 
 def drive_by(values: dict[str, Any], name: str, amplitude: float) -> dict[str, Any]:
     """Values of gears, driven by another amplitude: that of a name in `DRIVES`."""
     others = {n: v for n, v in values.items() if n not in DRIVES}
-    if name != "amplitude_rad" and not set(SPEEDS) & set(others):
+    if name != "amplitude_rad" and not {*SPEEDS, "wheels"} & set(others):
         others.pop("driver_radius", None)  # it was for an amplitude in rad
     return {name: amplitude} | others
 

@@ -2,26 +2,28 @@
 exist.
 
 The table ``[gears]`` has gears, and their tolerances as a drawing gives them; each table
-``[[drive]]`` has an order, and a table ``[drive]`` the file of a measured drive.  A value is
-questioned, in the user's own fields and units, only where no gear pair can have it
-(docs/guide/scenes.md).  What follows from several values, and is outside the range of the model, is
-named by the field that differs most from the paper's example.
+``[[wheel]]`` has a loose wheel where these are not numbered, each table ``[[drive]]`` an order, and
+a table ``[drive]`` the file of a measured drive.  A value is questioned, in the user's own fields
+and units, only where no gear pair can have it (docs/guide/scenes.md).  What follows from several
+values, and is outside the range of the model, is named by the field that differs most from the
+paper's example.
 """
 
 import math
 from collections.abc import Mapping
-from dataclasses import MISSING, fields
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
 from rattle.scene.drag import DRAG_TABLES
 from rattle.scene.errors import InputError, check_keys, check_range, finite, non_negative, positive
-from rattle.scene.gears import DAT21, DRIVES, SPEEDS, WHEEL2, Gears
+from rattle.scene.gears import DAT21, DRIVES, NUMBERED, SPEEDS, WHEEL2, Gears
+from rattle.scene.loose_wheel import LooseWheel, kind_of_value
 from rattle.scene.measured_drive import MeasuredDrive, measure_drive
 from rattle.scene.parts import Order
 
-GEAR_FIELDS = tuple(f.name for f in fields(Gears))
-REQUIRED = tuple(f.name for f in fields(Gears) if f.default is MISSING)
+GEAR_FIELDS = tuple(f.name for f in fields(Gears) if f.name != "wheels")
+REQUIRED = ("alpha", "epsilon", "omega", "inertia1", "radius1", "backlash1")
 OPTIONAL = (*DRIVES, "driver_radius", *SPEEDS, *DRAG_TABLES, "tolerance")
 AMPLITUDES = {"amplitude_mm": "amplitude", "amplitude_rad": "amplitude_rad"}
 """An order's amplitude on the driver's pitch circle, in mm or rad, and what the gears call their
@@ -32,17 +34,27 @@ ORDER_KEYS = ("order", "amplitude", *AMPLITUDES, "phase", "phase_degrees")
 TOLERANCE_KEYS = ("backlash1", "backlash2", "distribution", "draw")
 
 
-def read_gears(table: Mapping[str, Any], stages: object) -> Gears:
+def read_gears(table: Mapping[str, Any], stages: object, wheels: object = None) -> Gears:
     """Gears from their table.
 
     `table`: The fields of Gears, which says what may be left out, and the arguments of
     `Gears.driven`. `stages`: Of the scene; for a single stage all values of wheel 2 may be left
-    out.
+    out. `wheels`: The tables ``[[wheel]]``, in place of all numbered values.
     """
     check_keys("gears", table, (*GEAR_FIELDS, *OPTIONAL))
     values = {name: value for name, value in table.items() if name != "tolerance"}
+    if wheels is None:
+        wanted = REQUIRED if stages == 1 else sorted((*REQUIRED, *WHEEL2), key=GEAR_FIELDS.index)
+    else:
+        for name in (*NUMBERED, *DRAG_TABLES):
+            if name in table:
+                why = "belongs to a file without [[wheel]]; give it with each wheel there"
+                raise InputError(f"gears.{name}", table[name], why)
+        if not isinstance(wheels, list) or not wheels:
+            raise InputError("wheel", wheels, "write each wheel as a table: [[wheel]]")
+        values["wheels"] = wheels
+        wanted = ["alpha", "omega"]
     drives = [name for name in DRIVES if name in values]
-    wanted = REQUIRED if stages == 1 else sorted((*REQUIRED, *WHEEL2), key=GEAR_FIELDS.index)
     missing = [name for name in wanted if name not in values and not (name == "alpha" and drives)]
     if missing:
         single = (
@@ -54,7 +66,9 @@ def read_gears(table: Mapping[str, Any], stages: object) -> Gears:
     try:
         return Gears.driven(**values)
     except InputError as error:
-        field = error.field if error.field.startswith("gears") else f"gears.{error.field}"
+        field = error.field
+        if not field.startswith(("gears", "wheel")):
+            field = f"gears.{field}"
         raise InputError(field, error.value, error.remedy) from None
 
 
@@ -73,24 +87,24 @@ def read_tolerance(table: Mapping[str, Any], gears: Gears) -> dict[str, Any] | N
     if not isinstance(given, Mapping):
         raise InputError("gears.tolerance", given, "write it as a table: [gears.tolerance]")
     check_keys("gears.tolerance", given, TOLERANCE_KEYS)
-    found: dict[str, Any] = {}
+    widths: dict[str, Any] = {}
     for i in (1, 2):
         name = f"gears.tolerance.backlash{i}"
-        backlash = getattr(gears, f"backlash{i}")
-        if f"backlash{i}" in given:
-            deviation = non_negative(name, given[f"backlash{i}"])
-            if backlash is None:
-                raise InputError(
-                    name, deviation, "belongs to wheel 2, which these gears do not have"
-                )
-            if deviation >= backlash:
-                why = (
-                    f"must be below backlash{i} = {backlash:g} mm, or a gap could close; the unit"
-                    " is mm"
-                )
-                raise InputError(name, deviation, why)
-            found[f"c{i}_max"] = 0.5 * deviation / gears.backlash1
-    return found | {name: given[name] for name in ("distribution", "draw") if name in given}
+        if f"backlash{i}" not in given:
+            continue
+        deviation = non_negative(name, given[f"backlash{i}"])
+        if gears.wheels:
+            raise InputError(name, deviation, "give it as backlash_tolerance in [[wheel]]")
+        if i > len(gears.tree):
+            raise InputError(name, deviation, "belongs to wheel 2, which these gears do not have")
+        backlash = gears.tree[i - 1].backlash
+        if deviation >= backlash:
+            why = (
+                f"must be below backlash{i} = {backlash:g} mm, or a gap could close; the unit is mm"
+            )
+            raise InputError(name, deviation, why)
+        widths[f"c{i}_max"] = 0.5 * deviation / gears.backlash1
+    return widths | {name: given[name] for name in ("distribution", "draw") if name in given}
 
 
 def own_amplitude(gears: dict[str, Any], drive: object) -> dict[str, Any]:
@@ -151,7 +165,7 @@ def read_drive(
                     )
                 amplitude *= radius
             # as alpha is made: the gears' own is exactly 1
-            amplitude = amplitude / gears.backlash1 / own
+            amplitude = amplitude / gears.units.length / own
         orders.append(Order(table["order"], amplitude, _phase(table)))
     return tuple(orders)
 
@@ -201,9 +215,10 @@ def take_measured(data: dict[str, Any]) -> dict[str, Any]:
         return data
     found = read_measured(data)
     gears = {"omega": found.omega} | data["gears"] | {"amplitude": found.amplitude}
-    if not set(SPEEDS) & set(gears):
+    wheels = data.get("wheel")
+    if not wheels and not set(SPEEDS) & set(gears):
         gears.pop("driver_radius", None)  # the amplitude is in mm now
-    backlash = positive("gears.backlash1", gears.get("backlash1", 1.0))
+    backlash = read_gears(gears, 1, wheels).units.length
     scene = {"sigma": found.sigma_ratio * found.amplitude / backlash} | data.get("scene", {})
     orders = [
         {"order": one.order, "amplitude": one.amplitude, "phase": one.phase} for one in found.drive
@@ -229,20 +244,21 @@ SWING = 0.5  # rad
 SOUND = 5e6  # mm/s
 
 VALUES_OF = {
-    "beta1": ("damping1", "inertia1", "omega"),
-    "beta2": ("damping2", "inertia2", "omega"),
-    "gamma1": ("torque1", "radius1", "inertia1", "backlash1", "omega"),
-    "gamma2": ("torque2", "radius2", "inertia2", "backlash1", "omega"),
-    "mu": ("inertia1", "inertia2", "radius1", "radius2"),
-    "gap2": ("backlash2", "backlash1"),
+    "beta": (("damping", "inertia"), (), ("omega",)),
+    "gamma": (("torque", "radius", "inertia"), ("backlash",), ("omega",)),
+    "mass": (("inertia", "radius"), ("inertia", "radius"), ()),
+    "gap": (("backlash",), ("backlash",), ()),
+    "ratio": (("parent_radius",), (), ()),
 }
-"""The fields of gears from which each parameter of the model follows."""
+"""What each parameter of a wheel follows from: values of it, of the first wheel, and of all."""
 
 UNIT = {
     "omega": "rad/s",
     "inertia": "kg mm^2",
     "radius": "mm",
+    "parent_radius": "mm",
     "backlash": "mm",
+    "backlash_tolerance": "mm",
     "damping": "N mm s",
     "torque": "N mm",
     "amplitude": "mm",
@@ -254,6 +270,7 @@ UNIT = {
 IN_SI = {
     "inertia": ("kg m^2", 1e6),
     "radius": ("m", 1e3),
+    "parent_radius": ("m", 1e3),
     "backlash": ("m", 1e3),
     "torque": ("N m", 1e3),
 }
@@ -262,53 +279,57 @@ SMALLER = {"amplitude": ("um", 1e-3), "amplitude_rad": ("degrees", math.pi / 180
 
 def check_plausible(gears: Gears, table: Mapping[str, Any]) -> None:
     """Refuse gears that cannot exist as given; the bounds are those of this module."""
-    for i in range(1, gears.wheels + 1):
-        names = ("radius", "backlash", "inertia", "torque")
-        radius, backlash, inertia, torque = (getattr(gears, f"{name}{i}") for name in names)
-        wheel = f"radius{i} = {radius:g} mm"
-        volume = radius**5
-        if radius < SMALLEST_RADIUS:
-            raise _question(gears, f"radius{i}", "is smaller than any gear")
-        if backlash >= radius:
-            if radius < 1.0:
-                raise _question(
-                    gears, f"radius{i}", f"is no larger than backlash{i} = {backlash:g} mm"
-                )
-            raise _question(gears, f"backlash{i}", f"must be smaller than {wheel}", ("um", 1e-3))
-        if backlash < LEAST_BACKLASH * radius:
-            raise _question(gears, f"backlash{i}", f"is less than {wheel} grows in one kelvin")
-        if inertia < LIGHTEST * volume:
-            raise _question(
-                gears,
-                f"inertia{i}",
-                f"is too little for a wheel of {wheel}, of whatever it is made",
-            )
-        if inertia > HEAVIEST * volume:
-            if radius < 1.0:
-                raise _question(
-                    gears, f"radius{i}", f"is too small for inertia{i} = {inertia:g} kg mm^2"
-                )
-            raise _question(
-                gears, f"inertia{i}", f"is too much for a wheel of {wheel}", ("g mm^2", 1e-3)
-            )
-        if 0.0 < torque < LEAST_DRAG * inertia / radius:
-            why = (
-                f"is less than the bearing of a wheel of {inertia / radius**2:.2g} kg takes (0"
-                " leaves drag out)"
-            )
-            raise _question(gears, f"torque{i}", why)
+    for number, wheel in enumerate(gears.tree, 1):
+        _check_wheel(wheel, {kind: gears.name_of(number, kind) for kind in UNIT})
     drive = next((name for name in SMALLER if name in table), "alpha")
-    if max(gears.amplitude / gears.radius1, table.get("amplitude_rad", 0.0)) > SWING:
+    radius = gears.tree[0].radius
+    if max(gears.amplitude / radius, table.get("amplitude_rad", 0.0)) > SWING:
         why = (
-            f"swings the driver's pitch circle by {gears.amplitude:g} mm, at radius1 ="
-            f" {gears.radius1:g} mm"
+            f"swings the driver's pitch circle by {gears.amplitude:g} mm, at"
+            f" {gears.name_of(1, 'radius')} = {radius:g} mm"
         )
-        raise _question(gears, drive, why, SMALLER.get(drive), table.get(drive, gears.alpha))
+        raise _question(drive, table.get(drive, gears.alpha), why, SMALLER.get(drive))
     if gears.amplitude * gears.omega > SOUND:
         why = (
             f"moves the driver's pitch circle by {gears.amplitude:g} mm faster than sound in steel"
         )
-        raise _question(gears, "omega", why, ("1/min", 2.0 * math.pi / 60.0))
+        raise _question("omega", gears.omega, why, ("1/min", 2.0 * math.pi / 60.0))
+
+
+def _check_wheel(wheel: LooseWheel, names: Mapping[str, str]) -> None:
+    """Refuse a wheel that cannot exist; `names`: of its values, by what they are."""
+    radius = wheel.radius
+    backlash = wheel.backlash
+    inertia = wheel.inertia
+    size = f"{names['radius']} = {radius:g} mm"
+    volume = radius**5
+    for kind, value in (("radius", radius), ("parent_radius", wheel.parent_radius)):
+        if value is not None and value < SMALLEST_RADIUS:
+            raise _question(names[kind], value, "is smaller than any gear")
+    if backlash >= radius:
+        if radius < 1.0:
+            why = f"is no larger than {names['backlash']} = {backlash:g} mm"
+            raise _question(names["radius"], radius, why)
+        why = f"must be smaller than {size}"
+        raise _question(names["backlash"], backlash, why, ("um", 1e-3))
+    if backlash < LEAST_BACKLASH * radius:
+        why = f"is less than {size} grows in one kelvin"
+        raise _question(names["backlash"], backlash, why)
+    if inertia < LIGHTEST * volume:
+        why = f"is too little for a wheel of {size}, of whatever it is made"
+        raise _question(names["inertia"], inertia, why)
+    if inertia > HEAVIEST * volume:
+        if radius < 1.0:
+            why = f"is too small for {names['inertia']} = {inertia:g} kg mm^2"
+            raise _question(names["radius"], radius, why)
+        why = f"is too much for a wheel of {size}"
+        raise _question(names["inertia"], inertia, why, ("g mm^2", 1e-3))
+    if 0.0 < wheel.torque < LEAST_DRAG * inertia / radius:
+        why = (
+            f"is less than the bearing of a wheel of {inertia / radius**2:.2g} kg takes (0"
+            " leaves drag out)"
+        )
+        raise _question(names["torque"], wheel.torque, why)
 
 
 def of_gears(gears: Gears, error: InputError) -> InputError:
@@ -317,44 +338,61 @@ def of_gears(gears: Gears, error: InputError) -> InputError:
     Returns: Names the field of gears that differs most from the paper's example; the same error for
     anything else.
     """
-    names = VALUES_OF.get(error.field, ())
-    if not names:
+    kind = "mass" if error.field == "mu" else kind_of_value(error.field)
+    if kind not in VALUES_OF:
         return error
-    sizes = {
-        name: abs(math.log10(v / getattr(DAT21, name)))
-        for name in names
-        if (v := getattr(gears, name)) > 0.0
+    if gears.wheels:
+        number = 1 + gears.wheel_names.index(error.field.split(".")[1])
+    else:
+        number = 2 if error.field == "mu" else int(error.field[-1])
+    of_wheel, of_first, of_all = VALUES_OF[kind]
+    wheel = gears.tree[number - 1]
+    example = DAT21.tree[min(number, 2) - 1]
+    # values of the gears and of the paper's example
+    values = {
+        gears.name_of(number, one): (
+            getattr(wheel, one),
+            getattr(example, "radius" if one == "parent_radius" else one),
+        )
+        for one in of_wheel
     }
+    first = DAT21.tree[0]
+    values |= {
+        gears.name_of(1, one): (getattr(gears.tree[0], one), getattr(first, one))
+        for one in of_first
+    }
+    values |= {one: (getattr(gears, one), getattr(DAT21, one)) for one in of_all}
+    sizes = {name: abs(math.log10(v / usual)) for name, (v, usual) in values.items() if v > 0.0}
     worst = max(sizes, key=lambda name: sizes[name])
     value = error.value if isinstance(error.value, int | float) else math.nan
-    parts = ", ".join(f"{n} = {getattr(gears, n):g} {UNIT[n.rstrip('12')]}" for n in names)
+    parts = ", ".join(f"{n} = {v:g} {UNIT[kind_of_value(n)]}" for n, (v, _) in values.items())
     why = f"with {parts} the model would have {error.field} = {value:.3g}, which {error.remedy}"
-    given = getattr(gears, worst)
-    kind = worst.rstrip("12")
-    small = kind in IN_SI and given < 0.01 * getattr(DAT21, worst)
-    return InputError(
-        f"gears.{worst}", given, why + (_conversion(kind, given, IN_SI[kind]) if small else "")
-    )
+    given, usual = values[worst]
+    likely = IN_SI.get(kind_of_value(worst))
+    if likely is not None and given < 0.01 * usual:
+        why += _conversion(worst, given, likely)
+    return InputError(_field_of(worst), given, why)
 
 
 def _question(
-    gears: Gears,
-    name: str,
-    why: str,
-    likely: tuple[str, float] | None = None,
-    given: float | None = None,
+    name: str, value: float, why: str, likely: tuple[str, float] | None = None
 ) -> InputError:
-    kind = name.rstrip("12")
-    value = getattr(gears, name) if given is None else given
-    likely = likely or IN_SI.get(kind)
-    conversion = _conversion(kind, value, likely) if likely else ""
+    """The refusal of a value that no gears have, with the likely conversion."""
+    likely = likely or IN_SI.get(kind_of_value(name))
+    conversion = _conversion(name, value, likely) if likely else ""
     return InputError(
-        f"gears.{name}",
+        _field_of(name),
         value,
         f"{why}{conversion}; if it is meant, write a [scene] without [gears]",
     )
 
 
-def _conversion(kind: str, value: float, likely: tuple[str, float]) -> str:
+def _field_of(name: str) -> str:
+    """Where a value of gears stands in a file."""
+    return name if name.startswith("wheel.") else f"gears.{name}"
+
+
+def _conversion(name: str, value: float, likely: tuple[str, float]) -> str:
     unit, factor = likely
-    return f"; the unit is {UNIT[kind]}: if {value:g} is in {unit}, write {value * factor:g}"
+    here = UNIT[kind_of_value(name)]
+    return f"; the unit is {here}: if {value:g} is in {unit}, write {value * factor:g}"

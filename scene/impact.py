@@ -1,4 +1,4 @@
-"""Impacts at both meshes: restitution maps, and the next outward crossing of a wall (docs/model.md
+"""Impacts: restitution maps, and the next outward crossing of a wall (docs/model.md
 section 3)."""
 
 import math
@@ -6,10 +6,10 @@ from typing import TypeVar
 
 import numpy as np
 
-from rattle.scene.compiled import internal, jit
+from rattle.scene.compiled import internal, jit, lean
 from rattle.scene.drive import acceleration, most_acceleration, most_jerk, most_velocity
-from rattle.scene.flight import flow, wheel_speeds
-from rattle.scene.types import Constants, Floats
+from rattle.scene.flight import displace, wheel_speeds
+from rattle.scene.types import Constants, Floats, Ints
 
 Number = TypeVar("Number", float, Floats)
 
@@ -32,30 +32,49 @@ SOON = 100
 GRAZE = 1e-6
 
 
-@jit
-def struck(c: Constants, mesh: int, y1: float, y2: float) -> tuple[float, float]:
-    """Velocities after an impact at a mesh (the restitution map)."""
-    if mesh == 1:  # the driver's motion is prescribed: Eq. 10 uses this map, Eqs. 4 and 6 omit it
-        return -c.epsilon * y1, y2 - (1.0 + c.epsilon) * y1
-    return y1 - (1.0 + c.epsilon) * c.mu * y2, -c.epsilon * y2  # Eq. 4
+@lean
+def strike(c: Constants, mesh: int, s: Floats) -> None:
+    """Apply an impact at a mesh to the rates of a state, in place (the restitution map).
+
+    The driver's motion is prescribed: Eq. 10 uses this map, Eqs. 4 and 6 omit it.  An impact at
+    another mesh is Eq. 4.  Which mesh it is cannot be predicted: there is no branch on it.
+
+    Shapes: `s` (2 wheels,).
+    """
+    i = mesh - 1
+    wheel = c.wheels[i]
+    rate = s[2 * i + 1]
+    change = -(1.0 + wheel.epsilon) * rate
+    # of the deviations of the wheel's and of its parent's speed
+    own = wheel.sign * (1.0 - wheel.share) * change
+    others = wheel.share * change / wheel.ratio
+    for j in range(c.wheels.size):
+        other = c.wheels[j]
+        moved = own if other.parent == i else (others if other.parent == wheel.parent else 0.0)
+        by_parent = other.ratio * moved if other.parent >= 0 else 0.0
+        s[2 * j + 1] += other.sign * others if j == wheel.parent else by_parent
+    s[2 * i + 1] = -wheel.epsilon * rate
 
 
 def slowest_impact(c: Constants, state: Floats) -> float:
     """Impact speed below which an orbit that begins at a state grazes its wall: it has no
     derivative there."""
-    return GRAZE * max(c.alpha, c.gamma1, abs(float(state[1])), abs(float(state[3])))
+    drag = float(c.wheels["gamma"].max())
+    return GRAZE * max(c.alpha, drag, float(np.abs(state[1::2]).max()))
 
 
 @internal
-def energy_loss(c: Constants, mesh: int, y1: Number, y2: Number) -> Number:
-    """Kinetic energy lost in impacts at a mesh, in units of ``I1 / R1^2 (nu1 omega)^2``, I1 / R1^2
-    the mass of wheel 1.
+def energy_loss(c: Constants, mesh: int, y: Number) -> Number:
+    """Kinetic energy lost in an impact at a mesh at a rate, in units of ``I1 / R1^2 (nu1
+    omega)^2``, I1 / R1^2 the mass of wheel 1.
 
-    ``(1 - eps^2) y^2 / 2`` times the reduced mass: 1 at mesh 1, whose driver is prescribed, and mu
-    at mesh 2.
+    ``(1 - eps^2) y^2 / 2`` times the reduced mass of the wheel and its parent; the driver's motion
+    is prescribed.
     """
-    share = 0.5 * (1.0 - c.epsilon * c.epsilon)
-    return share * y1 * y1 if mesh == 1 else share * c.mu * y2 * y2
+    wheel = c.wheels[mesh - 1]
+    reduced = wheel.mass * (1.0 - wheel.share)
+    loss: Number = 0.5 * (1.0 - wheel.epsilon * wheel.epsilon) * reduced * y * y
+    return loss
 
 
 @internal
@@ -110,111 +129,152 @@ def _touching(
     return 0
 
 
+@internal
+def approach(
+    c: Constants, i: int, u: Floats, driver: float, force: float, jolt: float
+) -> tuple[float, float, float, float]:
+    """Acceleration of a gap, its bounds towards both walls, and one of its rate of change.
+
+    What a wheel loses, ``p_i = beta_i u_i + gamma_i``, only decays along a flight.  At the driver
+    the acceleration towards a wall is at most that of the driver plus the part of p_i that acts
+    towards it.  Between two wheels it is at most the part of ``k p_p - p_i`` that does, plus what
+    the difference of the dampings can add.
+    """
+    wheel = c.wheels[i]
+    pull = wheel.beta * u[i] + wheel.gamma
+    if wheel.parent < 0:
+        f = wheel.sign * (pull + wheel.turn * driver)
+        push = wheel.sign * pull
+        most = wheel.turn * force
+        jerk = wheel.turn * jolt + wheel.beta * abs(pull)
+        return f, most + max(push, 0.0), most + max(-push, 0.0), jerk
+    parent = c.wheels[wheel.parent]
+    other = wheel.ratio * (parent.beta * u[wheel.parent] + parent.gamma)
+    f = other - pull
+    drift = 0.0
+    if parent.beta != wheel.beta:
+        mismatch = abs(parent.beta - wheel.beta) / max(parent.beta, wheel.beta)
+        drift = mismatch * min(abs(other), abs(pull))
+    jerk = parent.beta * abs(other) + wheel.beta * abs(pull)
+    return f, max(f, 0.0) + drift, max(-f, 0.0) + drift, jerk
+
+
+@internal
+def _put_touching(
+    c: Constants, high: Floats, low: Floats, moved: Floats, sides: Ints, slack: float
+) -> int:
+    """The first mesh that is struck, or 0; all that touch their wall or are within the slack of it
+    are put on it: struck at one instant, they follow after flights of time 0."""
+    mesh = 0
+    for i in range(c.wheels.size):
+        above = high[i] - moved[2 * i]
+        below = low[i] + moved[2 * i]
+        if sides[i] == 0 and min(above, below) <= slack:
+            sides[i] = 1 if above < below else -1
+        if mesh == 0 and sides[i] * moved[2 * i + 1] > 0.0:
+            mesh = i + 1
+    return mesh
+
+
 @jit
 def next_impact(
-    c: Constants, tau: float, x1: float, y1: float, x2: float, y2: float, horizon: float
-) -> tuple[float, int, int, float, float, float, float]:
+    c: Constants, tau: float, s: Floats, horizon: float
+) -> tuple[float, int, int, Floats]:
     """The earliest outward wall crossing of a flight.
 
-    The flight is followed by steps within which no crossing is possible.  With ``p_i = beta_i u_i +
-    gamma_i``, which only decays along a flight, the acceleration ``x_1''`` towards a wall is at
-    most that of the driver plus the part of ``p_1`` that acts towards it.  ``x_2''`` is at most the
-    part of ``p_1 - p_2`` that acts towards the wall, plus what the difference of the dampings can
-    add.  Near a transversal crossing these steps are Newton steps from the safe side; an excursion
-    beyond the wall and back cannot be missed.
+    The flight is followed by steps within which no crossing is possible (`approach`).  Near a
+    transversal crossing these steps are Newton steps from the safe side; an excursion beyond the
+    wall and back cannot be missed.
 
     Distances are from the initial distance and the displacement since: a flight of time 1e-12 is
     resolved too.
 
-    Returns: 1 or 2; `NONE` if there is no impact within the horizon; `REST` if a mesh sticks;
-    `LOST` after `MOST_SEARCH_STEPS` steps. If both meshes are struck at one instant mesh 1 comes
-    first, and mesh 2 follows after a flight of time 0. Returns: State just before the impact; the
-    displacement of the struck mesh is exactly that of its wall.
+    Returns: Time; mesh, or `NONE` if there is no impact within the horizon, `REST` if a mesh
+    sticks, `LOST` after `MOST_SEARCH_STEPS` steps; side; and the state just before the impact, in
+    which the displacement of the struck mesh is exactly that of its wall. If several meshes are
+    struck at one instant the first comes first, and the others follow after a flight of time 0.
+    Shapes: `s`, state (2 wheels,).
     """
-    high1 = c.wall1 - x1
-    low1 = c.wall1 + x1
-    high2 = c.wall2 - x2
-    low2 = c.wall2 + x2
-    u1, u2 = wheel_speeds(c, tau, y1, y2)
+    n = c.wheels.size
+    high = np.empty(n)
+    low = np.empty(n)
+    for i in range(n):
+        high[i] = c.wheels[i].wall - s[2 * i]
+        low[i] = c.wheels[i].wall + s[2 * i]
+    begin = wheel_speeds(c, tau, s)
+    # the rounding error of a displacement is about 1e-16 times this times t
+    rate = c.alpha * most_velocity(c.drive)
+    for i in range(n):
+        rate += abs(begin[i])
     force = c.alpha * most_acceleration(c.drive)
     jolt = c.alpha * most_jerk(c.drive)
-    # the rounding error of a displacement is about 1e-16 times this times t
-    rate = abs(u1) + abs(u2) + c.alpha * most_velocity(c.drive)
-    mismatch = abs(c.beta1 - c.beta2) / max(c.beta1, c.beta2) if c.beta1 != c.beta2 else 0.0
+    sides = np.zeros(n, np.int64)
+    # what has been added to the displacements, and the rates
+    moved = s.copy()
+    for i in range(n):
+        moved[2 * i] = 0.0
     t = 0.0
-    d1 = 0.0
-    d2 = 0.0
-    b1 = y1
-    b2 = y2
+    mesh = LOST
     for _ in range(MOST_SEARCH_STEPS):
-        u1, u2 = wheel_speeds(c, tau + t, b1, b2)
-        # -u_i'
-        pull1 = c.beta1 * u1 + c.gamma1
-        pull2 = c.beta2 * u2 + c.gamma2
-        # accelerations
-        f1 = pull1 + c.alpha * acceleration(c.drive, tau + t)
-        f2 = pull1 - pull2
-        up = force + max(pull1, 0.0)
-        down = force + max(-pull1, 0.0)
-        jerk = jolt + c.beta1 * abs(pull1)
-        to_high1 = safe_time(high1 - d1, b1, f1, up, jerk)
-        to_low1 = safe_time(low1 + d1, -b1, -f1, down, jerk)
-        side1 = _touching(t, high1 - d1, low1 + d1, to_high1, to_low1, b1)
-        to_high2 = to_low2 = math.inf
-        side2 = 0
-        if c.stages == 2:
-            drift = mismatch * min(abs(pull1), abs(pull2))
-            jerk = c.beta1 * abs(pull1) + c.beta2 * abs(pull2)
-            to_high2 = safe_time(high2 - d2, b2, f2, max(f2, 0.0) + drift, jerk)
-            to_low2 = safe_time(low2 + d2, -b2, -f2, max(-f2, 0.0) + drift, jerk)
-            side2 = _touching(t, high2 - d2, low2 + d2, to_high2, to_low2, b2)
-        if side1 != 0 and b1 * side1 > 0.0:
-            slack = 1e-15 * rate * min(t, 10.0)
-            if side2 != 0 or (
-                min(high2 - d2, low2 + d2) <= slack and t > 0.0
-            ):  # both walls at one instant
-                x2 = c.wall2 if high2 - d2 < low2 + d2 else -c.wall2
-                d2 = 0.0
-            return t, 1, side1, side1 * c.wall1, b1, x2 + d2, b2
-        if side2 != 0 and b2 * side2 > 0.0:
-            slack = 1e-15 * rate * min(t, 10.0)
-            if side1 != 0 or (min(high1 - d1, low1 + d1) <= slack and t > 0.0):
-                side1 = 1 if high1 - d1 < low1 + d1 else -1
-                x1 = side1 * c.wall1
-                d1 = 0.0
-                if b1 * side1 > 0.0:
-                    return t, 1, side1, x1, b1, side2 * c.wall2, b2
-            return t, 2, side2, x1 + d1, b1, side2 * c.wall2, b2
-        if side1 != 0 and b1 == 0.0 and f1 * side1 > 0.0:
-            return t, REST, side1, side1 * c.wall1, b1, x2 + d2, b2
-        if side2 != 0 and b2 == 0.0 and f2 * side2 > 0.0:
-            return t, REST, side2, x1 + d1, b1, side2 * c.wall2, b2
+        u = wheel_speeds(c, tau + t, moved)
+        driver = c.alpha * acceleration(c.drive, tau + t)
+        step = math.inf
+        due = False
+        resting = -1
+        for i in range(n):
+            f, up, down, jerk = approach(c, i, u, driver, force, jolt)
+            y = moved[2 * i + 1]
+            above = high[i] - moved[2 * i]
+            below = low[i] + moved[2 * i]
+            to_high = safe_time(above, y, f, up, jerk)
+            to_low = safe_time(below, -y, -f, down, jerk)
+            sides[i] = _touching(t, above, below, to_high, to_low, y)
+            due = due or sides[i] * y > 0.0
+            if resting < 0 and y == 0.0 and f * sides[i] > 0.0:
+                resting = i
+            step = min(step, to_high, to_low)
+        if due:
+            slack = 1e-15 * rate * min(t, 10.0) if t > 0.0 else -1.0
+            mesh = _put_touching(c, high, low, moved, sides, slack)
+            break
+        if resting >= 0:
+            mesh = REST
+            for i in range(n):
+                sides[i] = sides[i] if i == resting else 0
+            break
         if t >= horizon:
-            return horizon, NONE, 0, x1 + d1, b1, x2 + d2, b2
-        step = min(to_high1, to_low1, to_high2, to_low2)
+            mesh = NONE
+            break
         if (
             t + step == t
         ):  # touching a wall at zero speed and acceleration: shorter steps change nothing
             step = TOUCH_STEP
         t = min(t + step, horizon)
-        d1, b1, d2, b2 = flow(c, tau, 0.0, y1, 0.0, y2, t)
-    return t, LOST, 0, x1 + d1, b1, x2 + d2, b2
+        displace(c, tau, begin, s, t, moved)
+    side = 0
+    for i in range(n):
+        moved[2 * i] += s[2 * i]
+        if mesh in (LOST, NONE) or sides[i] == 0:
+            continue
+        moved[2 * i] = sides[i] * c.wheels[i].wall
+        if mesh in (REST, i + 1):
+            side = sides[i]
+    return t, mesh, side, moved
 
 
 @internal
-def contact_matrix(c: Constants, mesh: int, size: int = 4, at: int = 0) -> Floats:
-    """The restitution map as a matrix on ``(x1, y1, x2, y2)``, or on more with these from place
-    `at` on.
+def contact_matrix(c: Constants, mesh: int, size: int = 0, at: int = 0) -> Floats:
+    """The restitution map as a matrix on the state, or on more with the state from place `at` on;
+    the identity for mesh 0.
 
-    Shapes: result (size, size).
+    Shapes: result (size, size), by default (2 wheels, 2 wheels).
     """
-    r = np.zeros((size, size))
-    for i in range(size):
-        r[i, i] = 1.0
-    if mesh == 1:
-        r[at + 1, at + 1] = -c.epsilon
-        r[at + 3, at + 1] = -(1.0 + c.epsilon)
-    elif mesh == 2:
-        r[at + 1, at + 3] = -(1.0 + c.epsilon) * c.mu
-        r[at + 3, at + 3] = -c.epsilon
+    states = 2 * c.wheels.size
+    r = np.eye(max(size, states))
+    if mesh > 0:
+        unit = np.zeros(states)
+        unit[2 * mesh - 1] = 1.0
+        strike(c, mesh, unit)
+        for i in range(states):
+            r[at + i, at + 2 * mesh - 1] = unit[i]
     return r

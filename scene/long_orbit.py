@@ -14,13 +14,12 @@ import numpy as np
 from rattle.scene import Constants, Floats, Ints, Scene
 from rattle.scene.compiled import jit
 from rattle.scene.flight import flow
-from rattle.scene.impact import MISSES, NONE, REST, struck
+from rattle.scene.impact import MISSES, NONE, REST, strike
 from rattle.scene.orbit import (
-    LEGS,
     Impacts,
-    Leg,
     Orbit,
     begin,
+    empty_legs,
     find_chatter,
     fly,
     follow,
@@ -47,15 +46,16 @@ GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
 
 @jit
 def _sample(c: Constants, step: float, s: Stretch, velocity: Floats) -> int:
-    """Write ``(y1, y2)`` at equal time steps of a stretch; returns how many rows."""
+    """Write the rates of all gaps at equal time steps of a stretch; returns how many rows."""
     n = 0
     t = 0.0
     for k in range(s.flight.size - 1):
-        y1, y2 = struck(c, abs(s.code[k]), s.before[k, 1], s.before[k, 3])
+        after = s.before[k].copy()
+        strike(c, abs(s.code[k]), after)
         while t < s.flight[k + 1] and n < len(velocity):
-            _, velocity[n, 0], _, velocity[n, 1] = flow(
-                c, s.phase[k], s.before[k, 0], y1, s.before[k, 2], y2, t
-            )
+            state = flow(c, s.phase[k], after, t)
+            for i in range(velocity.shape[1]):
+                velocity[n, i] = state[2 * i + 1]
             n += 1
             t += step
         t -= s.flight[k + 1]
@@ -74,7 +74,7 @@ class LongOrbit:
         self.c = scene.constants
         self.last = begin(scene, 0)
         self.last.tau[0] = (scene.phase + start * PERIOD * GOLDEN) % PERIOD
-        self.frame = np.eye(4)
+        self.frame = np.eye(2 * scene.stages)
         self.ended = 1
 
     def stretch(self, impacts: int, tangent: bool = True) -> Stretch:
@@ -83,32 +83,34 @@ class LongOrbit:
         Returns: Fewer impacts where the orbit has ended; the attribute `ended` is then a code of
         `rattle.scene.impact.MISSES`.
         """
-        at = Impacts.empty(impacts)
+        wheels = self.c.wheels.size
+        at = Impacts.empty(impacts, wheels)
         for values, last in zip(at, self.last, strict=True):
             values[0] = last[0]
-        legs: list[Leg] = []
+        legs = empty_legs(0, wheels)
         k = 0
         while self.ended > 0 and (k := fly(self.c, PERIOD, at, k)) < impacts:
-            reached = stick(self.c, PERIOD, at, k, legs, LEGS)
-            self.ended = REST if legs else min(reached, 1)
+            reached, sticking = stick(self.c, PERIOD, at, k, legs, 0)
+            self.ended = REST if sticking else min(reached, 1)
             k += self.ended > 0
         if find_chatter(self.c, at, k)[0] < math.inf:
             self.ended = REST
         self.last = Impacts.of(at, slice(k, k + 1))
         part = Impacts.of(at, slice(1, k + 1))
         code = part.mesh * part.side
-        s = Stretch(part.flight, part.tau, code, part.before, np.zeros((k, 4)))
+        s = Stretch(part.flight, part.tau, code, part.before, np.zeros((k, 2 * wheels)))
         if tangent:
             grow(self.c, self.frame, s)
         return s
 
 
 def velocities(scene: Scene, s: Stretch, step: float) -> Floats:
-    """``(y1, y2)`` at equal time steps from the first to the last impact of a stretch of the orbit.
+    """The rates of all gaps at equal time steps from the first to the last impact of a stretch of
+    the orbit.
 
-    Shapes: result (steps, 2).
+    Shapes: result (steps, wheels).
     """
-    velocity = np.empty((int(s.flight[1:].sum() / step) + 2, 2))
+    velocity = np.empty((int(s.flight[1:].sum() / step) + 2, scene.stages))
     return velocity[: _sample(scene.noise_free.constants, step, s, velocity)]
 
 
@@ -125,9 +127,9 @@ class Attractor:
     flight: Floats  # time since the impact before; (impacts + 1,)
     mesh: Ints  # mesh, side: what is struck; (impacts + 1,)
     side: Ints
-    before: Floats  # before, after: states just before and just after; (impacts + 1, 4)
+    before: Floats  # before, after: states just before and just after; (impacts + 1, 2 wheels)
     after: Floats
-    contact: tuple[float, float]  # share of the time in which each mesh is closed
+    contact: tuple[float, ...]  # share of the time in which each mesh is closed
 
     @property
     def impacts(self) -> int:
@@ -145,25 +147,30 @@ class Attractor:
             return False
         if self.impacts == 0:
             return bool(np.allclose(self.contact, other.contact))
-        own, others = (
-            np.sort(np.where(a.mesh == 1, a.before[:, 1], a.before[:, 3])[1:])
-            for a in (self, other)
-        )
-        return bool(np.allclose(own, others, rtol=1e-5, atol=1e-5 * float(np.abs(own).max())))
+        speeds, others = (np.sort(struck_speeds(a.mesh[1:], a.before[1:])) for a in (self, other))
+        scale = float(np.abs(speeds).max())
+        return bool(np.allclose(speeds, others, rtol=1e-5, atol=1e-5 * scale))
 
 
-def _none(kind: str, reason: str, contact: tuple[float, float] = (0.0, 0.0)) -> Attractor:
-    return Attractor(kind, reason, 0, *Impacts.of(Impacts.empty(0), slice(0)), contact)
+def struck_speeds(mesh: Ints, before: Floats) -> Floats:
+    """Rate of the gap that is struck at each impact.
+
+    Shapes: `mesh` (impacts,); `before` (impacts, 2 wheels); result (impacts,).
+    """
+    speeds: Floats = before[np.arange(mesh.size), 2 * mesh - 1]
+    return speeds
 
 
-def _repeats(orbit: Orbit, end: float, periods: int, stages: int) -> bool:
+def _none(kind: str, reason: str, contact: tuple[float, ...]) -> Attractor:
+    nothing = Impacts.of(Impacts.empty(0, len(contact)), slice(0))
+    return Attractor(kind, reason, 0, *nothing, contact)
+
+
+def _repeats(orbit: Orbit, end: float, periods: int) -> bool:
     """Whether the orbit repeats itself after a number of periods, at the end."""
     same = 0
-    # with one stage, what is carried along as the second need not repeat itself
     for instant in INSTANTS:
-        last, one, two = (
-            orbit.state(end - instant - k * periods * PERIOD)[: 2 * stages] for k in range(3)
-        )
+        last, one, two = (orbit.state(end - instant - k * periods * PERIOD) for k in range(3))
         allowed = SAME_STATE * max(np.abs(last).max(), 1e-12)
         same += bool(max(np.abs(last - one).max(), np.abs(one - two).max()) <= allowed)
     return same >= len(INSTANTS) - 1
@@ -188,10 +195,12 @@ def attractor(scene: Scene, start: int = 0) -> Attractor:
         for periods in range(1, LONGEST_CYCLE + 1):
             if end - own.phase < 4.0 * periods * PERIOD:
                 break
-            if _repeats(orbit, end, periods, own.stages):
+            if _repeats(orbit, end, periods):
                 return _cycle(orbit, end, periods)
     return _none(
-        IRREGULAR, f"is chaotic, or has a period of more than {LONGEST_CYCLE} of the excitation"
+        IRREGULAR,
+        f"is chaotic, or has a period of more than {LONGEST_CYCLE} of the excitation",
+        (0.0,) * own.stages,
     )
 
 
@@ -201,17 +210,16 @@ def _end(orbit: Orbit) -> Attractor:
         if orbit.stopped.startswith(MISSES[code]):
             closed = tuple(
                 float(any(s.mesh == m and math.isinf(s.opened) for s in orbit.sticking))
-                for m in (1, 2)
+                for m in range(1, orbit.constants.wheels.size + 1)
             )
             words = (
                 "comes to rest for good: a mesh stays closed"
                 if code == REST
                 else "has no further impact"
             )
-            return _none(
-                REST_FOR_GOOD, f"{words} (after impact {orbit.found})", (closed[0], closed[1])
-            )
-    return _none(IRREGULAR, f"could not be followed: {orbit.stopped}")
+            return _none(REST_FOR_GOOD, f"{words} (after impact {orbit.found})", closed)
+    open_all = (0.0,) * orbit.constants.wheels.size
+    return _none(IRREGULAR, f"could not be followed: {orbit.stopped}", open_all)
 
 
 def _cycle(orbit: Orbit, end: float, periods: int) -> Attractor:
@@ -221,10 +229,10 @@ def _cycle(orbit: Orbit, end: float, periods: int) -> Attractor:
     first = int(np.searchsorted(orbit.tau[: orbit.found + 1], begin, side="right")) - 1
     last = int(np.searchsorted(orbit.tau[: orbit.found + 1], end - 0.5, side="right")) - 1
     part = slice(first, last + 1)
-    closed = [0.0, 0.0]
+    closed = np.zeros(orbit.constants.wheels.size)
     for phase in orbit.sticking:
         closed[phase.mesh - 1] += max(min(phase.opened, end - 0.5) - max(phase.closed, begin), 0.0)
-    contact = closed[0] / (periods * PERIOD), closed[1] / (periods * PERIOD)
+    contact = tuple((closed / (periods * PERIOD)).tolist())
     length = "the period" if periods == 1 else f"{periods} periods"
     reason = f"is periodic with {length} of the excitation and {last - first} impacts"
     reason += ", closed at times" if max(contact) > 0.0 else ""

@@ -1,4 +1,4 @@
-"""Free flight under noise with a memory: the linear flight of Eq. 8 with the noise eta as a fifth
+"""Free flight under noise with a memory: the linear flight of Eq. 8 with the noise eta as one more
 state.
 
 ``d(xi, eta) = A(tau) (xi, eta) dtau + (0, dW / theta)``, where A holds the matrix of Eq. 8, sigma
@@ -11,7 +11,7 @@ import math
 import numpy as np
 
 from rattle.scene.compiled import internal, jit
-from rattle.scene.drive import acceleration, highest_order, jerk
+from rattle.scene.drive import highest_order, jerk, velocity_acceleration
 from rattle.scene.flight import NODES, PANEL, WEIGHTS, jacobian, noise_rate, system_matrix
 from rattle.scene.linear_algebra import congruence, times, times_transposed
 from rattle.scene.types import Constants, Floats
@@ -20,58 +20,63 @@ from rattle.scene.types import Constants, Floats
 @internal
 def _panels(c: Constants, t: float) -> int:
     """Panels of a flight on which the quadrature is exact to rounding."""
-    fastest = max(c.beta1, c.beta2, 1.0 / c.memory, highest_order(c.drive))
+    fastest = max(1.0 / c.memory, highest_order(c.drive))
+    for i in range(c.wheels.size):
+        fastest = max(fastest, c.wheels[i].beta)
     return max(1, math.ceil(t * fastest / PANEL))
 
 
 @internal
 def _push(c: Constants, tau: float, h: float) -> tuple[Floats, Floats]:
     """What a unit eta at `tau` adds to the state in a panel of length h, and its derivative by
-    `tau`; shapes (4,)."""
-    out = np.zeros(4)
-    slope = np.zeros(4)
+    `tau`; shapes (2 wheels,)."""
+    size = 2 * c.wheels.size
+    out = np.zeros(size)
+    slope = np.zeros(size)
     for n in range(NODES.size):
         s = h * NODES[n]
         j = jacobian(c, h - s)
         left = h * WEIGHTS[n] * c.sigma * math.exp(-s / c.memory)
-        m1, m2 = noise_rate(c, tau + s)
-        second = acceleration(c.drive, tau + s)
-        r1 = jerk(c.drive, tau + s) + c.beta1 * second
-        r2 = (c.beta1 - c.beta2) * second
-        if c.stages == 1:
-            m2 = 0.0
-            r2 = 0.0
-        for i in range(4):
-            out[i] += left * (j[i, 1] * m1 + j[i, 3] * m2)
-            slope[i] += left * (j[i, 1] * r1 + j[i, 3] * r2)
+        first, second = velocity_acceleration(c.drive, tau + s)
+        third = jerk(c.drive, tau + s)
+        for k in range(c.wheels.size):
+            wheel = c.wheels[k]
+            m = wheel.second * second + wheel.first * first
+            rate = wheel.second * third + wheel.first * second
+            for i in range(size):
+                out[i] += left * (j[i, 2 * k + 1] * m)
+                slope[i] += left * (j[i, 2 * k + 1] * rate)
     return out, slope
 
 
 @internal
 def _of_panel(c: Constants, tau: float, h: float) -> tuple[Floats, Floats]:
     """`propagator` over a panel."""
-    whole = np.zeros((5, 5))
-    rate = np.zeros((5, 5))
+    size = 2 * c.wheels.size
+    whole = np.zeros((size + 1, size + 1))
+    rate = np.zeros((size + 1, size + 1))
     j = jacobian(c, h)
     pushed, slope = _push(c, tau, h)
-    for i in range(4):
-        for k in range(4):
+    for i in range(size):
+        for k in range(size):
             whole[i, k] = j[i, k]
-        whole[i, 4], rate[i, 4] = pushed[i], slope[i]
-    whole[4, 4] = math.exp(-h / c.memory)
+        whole[i, size] = pushed[i]
+        rate[i, size] = slope[i]
+    whole[size, size] = math.exp(-h / c.memory)
     return whole, rate
 
 
 @jit
 def propagator(c: Constants, tau: float, t: float) -> tuple[Floats, Floats]:
-    """Derivative of the end of a flight by its start ``(x1, y1, x2, y2, eta)``, and the derivative
-    of that by `tau`.
+    """Derivative of the end of a flight by its start ``(x1, y1, ..., eta)``, and the derivative of
+    that by `tau`.
 
-    Shapes: result (5, 5).
+    Shapes: result (2 wheels + 1, 2 wheels + 1).
     """
+    size = 2 * c.wheels.size + 1
     panels = _panels(c, t)
-    whole = np.eye(5)
-    rate = np.zeros((5, 5))
+    whole = np.eye(size)
+    rate = np.zeros((size, size))
     h = t / panels
     for k in range(panels):
         step, slope = _of_panel(c, tau + k * h, h)
@@ -82,17 +87,19 @@ def propagator(c: Constants, tau: float, t: float) -> tuple[Floats, Floats]:
 
 @jit
 def covariance(c: Constants, tau: float, t: float) -> tuple[Floats, Floats]:
-    """Covariance of ``(x1, y1, x2, y2, eta)`` that the noise adds in a flight, and its derivative
-    by `tau`.
+    """Covariance of ``(x1, y1, ..., eta)`` that the noise adds in a flight, and its derivative by
+    `tau`.
 
     What eta is at the start of the flight is not part of it, see `propagator`.
 
-    Shapes: result (5, 5).
+    Shapes: result (2 wheels + 1, 2 wheels + 1).
     """
+    size = 2 * c.wheels.size + 1
+    last = size - 1
     panels = _panels(c, t)
     h = t / panels
-    out = np.zeros((5, 5))
-    slope = np.zeros((5, 5))
+    out = np.zeros((size, size))
+    slope = np.zeros((size, size))
     for k in range(panels):
         begin = tau + k * h
         step, rate = _of_panel(c, begin, h)
@@ -103,22 +110,23 @@ def covariance(c: Constants, tau: float, t: float) -> tuple[Floats, Floats]:
             s = h * NODES[n]
             response, own = _of_panel(c, begin + s, h - s)
             w = h * WEIGHTS[n] / (c.memory * c.memory)
-            for i in range(5):
-                for j in range(5):
-                    out[i, j] += w * (response[i, 4] * response[j, 4])
-                    slope[i, j] += w * (own[i, 4] * response[j, 4] + response[i, 4] * own[j, 4])
+            for i in range(size):
+                for j in range(size):
+                    out[i, j] += w * (response[i, last] * response[j, last])
+                    crossed = own[i, last] * response[j, last] + response[i, last] * own[j, last]
+                    slope[i, j] += w * crossed
     return out, slope
 
 
 def matrix(c: Constants, tau: float) -> Floats:
     """``A(tau)``.
 
-    Shapes: result (5, 5).
+    Shapes: result (2 wheels + 1, 2 wheels + 1).
     """
-    a = np.zeros((5, 5))
-    a[:4, :4] = system_matrix(c)
-    m1, m2 = noise_rate(c, tau)
-    a[1, 4] = c.sigma * m1
-    a[3, 4] = c.sigma * m2 if c.stages == 2 else 0.0
-    a[4, 4] = -1.0 / c.memory
+    size = 2 * c.wheels.size
+    a = np.zeros((size + 1, size + 1))
+    a[:size, :size] = system_matrix(c)
+    for i in range(c.wheels.size):
+        a[2 * i + 1, size] = c.sigma * noise_rate(c, tau, i)
+    a[size, size] = -1.0 / c.memory
     return a

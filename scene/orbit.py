@@ -1,4 +1,4 @@
-"""The deterministic orbit (sigma = 0) from impact to impact over both meshes: what every closure is
+"""The deterministic orbit (sigma = 0) from impact to impact over all meshes: what every closure is
 built around, and what a simulation compares its paths with.
 
 Between two impacts lies a flight, or a sticking phase: impacts accumulate (chatter), the mesh stays
@@ -14,21 +14,22 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from rattle.scene import STATE, Constants, Floats, Ints, Scene
-from rattle.scene.compiled import internal, lean
-from rattle.scene.flight import State, flow
-from rattle.scene.impact import LOST, MISSES, NONE, REST, next_impact, struck
+from rattle.scene import Constants, Floats, Ints, Scene
+from rattle.scene.compiled import internal, jit
+from rattle.scene.drive import velocity_acceleration
+from rattle.scene.flight import flow
+from rattle.scene.impact import LOST, MISSES, NONE, REST, next_impact, strike
 from rattle.scene.numpy_errors import numpy_defaults
 from rattle.scene.sticking import (
-    Sides,
+    close,
     complete_chatter,
     find_sticking,
     may_chatter,
     next_contact,
     stick_on,
-    stuck,
 )
 from rattle.scene.text import as_html
+from rattle.scene.types import BODY, state_names
 from rattle.scene.units import as_dataset
 
 if TYPE_CHECKING:
@@ -39,10 +40,10 @@ if TYPE_CHECKING:
 
 HORIZON = 1e4  # longest flight or sticking phase that is followed, in units of 1 / omega
 LEGS = 8  # most smooth pieces (legs) per impact; a sticking phase of one mesh takes 3
+# searches for a sticking phase of an orbit before they are compiled, which takes ten seconds, once:
+# these take a twentieth of a second
+INTERPRETED_SEARCHES = 100
 CURVE_POINTS = 40  # of a figure's curve from one leg to the next
-
-Leg = tuple[float, float, float, float, float, int, int]
-"""``tau, x1, y1, x2, y2``, the side on which mesh 1 sticks, and that on which mesh 2 does."""
 
 
 class Impacts(NamedTuple):
@@ -56,11 +57,11 @@ class Impacts(NamedTuple):
     after: Floats
 
     @classmethod
-    def empty(cls, impacts: int) -> "Impacts":
+    def empty(cls, impacts: int, wheels: int) -> "Impacts":
         """Room for a start and so many impacts after it, none of which is known yet."""
         tau, flight = np.full((2, impacts + 1), np.nan)
         mesh, side = np.zeros((2, impacts + 1), np.int64)
-        before, after = np.full((2, impacts + 1, 4), np.nan)
+        before, after = np.full((2, impacts + 1, 2 * wheels), np.nan)
         return cls(tau, flight, mesh, side, before, after)
 
     @classmethod
@@ -71,134 +72,168 @@ class Impacts(NamedTuple):
 
 @internal
 def put_impact(
-    c: Constants, at: Impacts, k: int, tau: float, flight: float, mesh: int, state: State
+    c: Constants, at: Impacts, k: int, tau: float, flight: float, mesh: int, state: Floats
 ) -> None:
     """Write impact k, whose state just before it is given; a start in flight has mesh 0."""
-    x1, y1, x2, y2 = state
     at.tau[k] = tau
     at.flight[k] = flight
     at.mesh[k] = mesh
-    at.before[k, 0] = x1
-    at.before[k, 1] = y1
-    at.before[k, 2] = x2
-    at.before[k, 3] = y2
+    for i in range(state.size):
+        at.before[k, i] = state[i]
+        at.after[k, i] = state[i]
     if mesh > 0:
-        at.side[k] = 1 if (x1 if mesh == 1 else x2) > 0.0 else -1
-        y1, y2 = struck(c, mesh, y1, y2)
-    at.after[k, 0] = x1
-    at.after[k, 1] = y1
-    at.after[k, 2] = x2
-    at.after[k, 3] = y2
+        at.side[k] = 1 if state[2 * mesh - 2] > 0.0 else -1
+        strike(c, mesh, at.after[k])
 
 
-@lean
+@internal
+def find_touching(c: Constants, state: Floats) -> Ints:
+    """Sides on which meshes touch their wall at zero speed; 0 for a mesh that does not."""
+    touching = np.zeros(c.wheels.size, np.int64)
+    for i in range(touching.size):
+        if state[2 * i + 1] == 0.0 and abs(state[2 * i]) == c.wheels[i].wall:
+            touching[i] = 1 if state[2 * i] > 0.0 else -1
+    return touching
+
+
+@jit
 def fly(c: Constants, period: float, at: Impacts, k: int) -> int:
     """Write the impacts after impact k, as far as no mesh can stick between them; returns the last
     one."""
     while k + 1 < at.tau.size:
-        x1 = at.after[k, 0]
-        y1 = at.after[k, 1]
-        x2 = at.after[k, 2]
-        y2 = at.after[k, 3]
-        if (y1 == 0.0 and abs(x1) == c.wall1) or (y2 == 0.0 and abs(x2) == c.wall2):
+        if np.any(find_touching(c, at.after[k]) != 0):
             break
-        if at.mesh[k] > 0 and may_chatter(c, at.tau[k], y1, y2, at.mesh[k]):
+        if at.mesh[k] > 0 and may_chatter(c, at.tau[k], at.after[k], at.mesh[k]):
             break
-        t, mesh, _, x1, y1, x2, y2 = next_impact(c, at.tau[k], x1, y1, x2, y2, HORIZON)
+        t, mesh, _, state = next_impact(c, at.tau[k], at.after[k], HORIZON)
         if mesh <= 0:
             break
         tau = at.tau[k] + t
         if tau >= period:
             tau %= period
         k += 1
-        put_impact(c, at, k, tau, t, mesh, (x1, y1, x2, y2))
+        put_impact(c, at, k, tau, t, mesh, state)
     return k
 
 
-def find_chatter(c: Constants, at: Impacts, k: int) -> tuple[float, Sides]:
+@internal
+def find_chatter(c: Constants, at: Impacts, k: int) -> tuple[float, Ints]:
     """The time after impact k at which its chatter is complete, infinite where it is none, and the
     meshes that then stick."""
     if at.mesh[k] == 0:
-        return math.inf, (0, 0)
-    x1, y1, x2, y2 = at.after[k].tolist()
-    return complete_chatter(c, float(at.tau[k]), x1, y1, x2, y2, int(at.mesh[k]), int(at.side[k]))
+        return math.inf, np.zeros(c.wheels.size, np.int64)
+    return complete_chatter(c, float(at.tau[k]), at.after[k], int(at.mesh[k]), int(at.side[k]))
 
 
-def stick(c: Constants, period: float, at: Impacts, k: int, legs: list[Leg], room: int) -> int:
-    """Write the impact after impact k, through sticking phases, whose legs are added to the list.
+@internal
+def put_leg(legs: Floats, n: int, k: int, tau: float, state: Floats, closed: Ints) -> int:
+    """Write row n of the legs, one after impact k; returns the number of the next row."""
+    legs[n, 0] = tau
+    for i in range(state.size):
+        legs[n, 1 + i] = state[i]
+    for i in range(closed.size):
+        legs[n, 1 + state.size + i] = closed[i]
+    legs[n, 1 + state.size + closed.size] = k
+    return n + 1
 
-    Returns: Its mesh, or a code of `MISSES` where there is none. `room`: most legs that the list
-    may have.
+
+@internal
+def stick(
+    c: Constants, period: float, at: Impacts, k: int, legs: Floats, n: int
+) -> tuple[int, int]:
+    """Write the impact after impact k, through sticking phases, and their legs from row n on.
+
+    Returns: Its mesh, or a code of `MISSES` where there is none; and the next row.
     """
     tau = float(at.tau[k])
-    x1, y1, x2, y2 = at.after[k].tolist()
-    state = (x1, y1, x2, y2)
+    state = at.after[k].copy()
     flight = 0.0
-    closed = (0, 0)
+    closed = np.zeros(c.wheels.size, np.int64)
+    bodies = np.empty(c.wheels.size, BODY)
     t, sticking = find_chatter(c, at, k)
     if t < math.inf:
-        state = stuck(c, *flow(c, tau, *state, t), sticking)
+        walls = np.empty(state.size)
+        for i in range(c.wheels.size):
+            walls[2 * i] = c.wheels[i].wall
+            walls[2 * i + 1] = c.wheels[i].wall
+        state = flow(c, tau, state, t)
+        close(c, state, sticking, walls, bodies)
         tau += t
         flight += t
     while True:
-        if closed == (0, 0):
-            x1, y1, x2, y2 = state
-            touching1 = int(x1 == c.wall1) - int(x1 == -c.wall1) if y1 == 0.0 else 0
-            touching2 = (
-                int(x2 == c.wall2) - int(x2 == -c.wall2) if y2 == 0.0 and c.stages == 2 else 0
-            )
-            closed = find_sticking(c, tau, y1, y2, (touching1, touching2))
-        if closed != (0, 0):
-            legs.append((tau, *state, *closed))
-            t, mesh, _, x1, y1, x2, y2, closed = next_contact(c, tau, *state, closed, HORIZON)
+        if not np.any(closed != 0):
+            driver = velocity_acceleration(c.drive, tau)
+            find_sticking(c, driver, state, find_touching(c, state), closed, bodies)
+        if np.any(closed != 0):
+            n = put_leg(legs, n, k, tau, state, closed)
+            t, mesh, _, state, closed = next_contact(c, tau, state, closed, HORIZON)
             if mesh == NONE:
-                return REST
+                return REST, n
         else:
-            t, mesh, _, x1, y1, x2, y2 = next_impact(c, tau, *state, HORIZON)
+            t, mesh, _, state = next_impact(c, tau, state, HORIZON)
         tau += t
         flight += t
-        state = (x1, y1, x2, y2)
         if mesh > 0:
             tau = tau % period if tau >= period else tau
             put_impact(c, at, k + 1, tau, flight, mesh, state)
         if mesh != REST:
-            return mesh
-        if len(legs) + 2 >= room:
-            return LOST
-        legs.append((tau, *state, *closed))
+            return mesh, n
+        if n + k + 3 >= len(legs):
+            return LOST, n
+        n = put_leg(legs, n, k, tau, state, closed)
 
 
-def fill_impacts(c: Constants, at: Impacts, legs: list[Leg]) -> tuple[int, int, list[int]]:
-    """Write the impacts after the first, through sticking phases, whose legs are added to the list.
-
-    Returns: The last impact; its mesh, or a code of `MISSES` where it is the last of all; and the
-    impact before each leg.
-    """
-    impacts = at.tau.size - 1
-    room = LEGS * (impacts + 2)
-    legs_after: list[int] = []
-    k = 0
+@internal
+def _go_on(
+    c: Constants, at: Impacts, legs: Floats, k: int, n: int, most: int
+) -> tuple[int, int, int]:
+    """Write the impacts after impact k with at most so many searches for sticking phases, and their
+    legs from row n on; returns as `fill_impacts`."""
     code = 1
-    while code > 0 and (k := fly(c, math.inf, at, k)) < impacts:
-        known = len(legs)
-        code = stick(c, math.inf, at, k, legs, room - k - 1)
-        legs_after += [k] * (len(legs) - known)
-        k += code > 0
-    return k, code, legs_after
+    for _ in range(most):
+        k = fly(c, math.inf, at, k)
+        if k + 1 == at.tau.size:
+            break
+        code, n = stick(c, math.inf, at, k, legs, n)
+        if code <= 0:
+            break
+        k += 1
+    return k, code, n
+
+
+_go_on_compiled = jit(_go_on)
+
+
+def fill_impacts(c: Constants, at: Impacts, legs: Floats) -> tuple[int, int, int]:
+    """Write the impacts after the first, through sticking phases, and the legs of these.
+
+    Returns: The last impact; its mesh, or a code of `MISSES` where it is the last of all; and how
+    many legs there are.  Shapes: `legs` (room, 2 + 3 wheels), rows as of `Orbit.legs` and the
+    impact before.
+    """
+    k, code, n = _go_on(c, at, legs, 0, 0, INTERPRETED_SEARCHES)
+    if code > 0 and k + 1 < at.tau.size:
+        k, code, n = _go_on_compiled(c, at, legs, k, n, at.tau.size)
+    return k, code, n
+
+
+def empty_legs(impacts: int, wheels: int) -> Floats:
+    """Room for the legs of so many impacts, as `fill_impacts` writes them."""
+    return np.empty((LEGS * (impacts + 2), 2 + 3 * wheels))
 
 
 def begin(scene: Scene, impacts: int) -> Impacts:
     """The start of a scene, with room for so many impacts after it."""
-    at = Impacts.empty(impacts)
+    at = Impacts.empty(impacts, scene.stages)
     put_impact(scene.constants, at, 0, scene.phase, math.nan, scene.start.mesh, scene.start_state)
     return at
 
 
-def first_state(scene: Scene) -> State:
+def first_state(scene: Scene) -> Floats:
     """State in which the first flight of a scene begins: after the impact at the start if there is
     one."""
-    x1, y1, x2, y2 = begin(scene, 0).after[0].tolist()
-    return x1, y1, x2, y2
+    state: Floats = begin(scene, 0).after[0]
+    return state
 
 
 ITINERARY_SHOWN = 12  # impacts of an itinerary that a repr shows
@@ -231,16 +266,16 @@ class Orbit:
         Time since the impact before; NaN for the start.
     mesh, side : ndarray of int, shape (impacts + 1,)
         Mesh and flank of each impact; 0 for a start in flight.
-    before, after : ndarray, shape (impacts + 1, 4)
-        ``(x1, y1, x2, y2)`` just before and just after the impact.
+    before, after : ndarray, shape (impacts + 1, 2 wheels)
+        ``(x1, y1, ...)`` just before and just after the impact.
     found : int
         Number of impacts that were reached; the arrays are NaN (mesh and side 0) beyond.
     stopped : str
         Why it ended early, or an empty string.
-    legs : ndarray, shape (legs, 7)
+    legs : ndarray, shape (legs, 1 + 3 wheels)
         The smooth pieces of the orbit, one after each impact and one for each change of the
-        sticking meshes: time and state at which it begins, and the sides on which mesh 1 and mesh 2
-        stick (0 for open).
+        sticking meshes: time and state at which it begins, and the sides on which the meshes stick
+        (0 for open).
     sticking : tuple of StickingPhase
         Sticking phases, in order of time.
 
@@ -287,7 +322,7 @@ class Orbit:
         import pandas as pd
 
         columns = {"tau": self.tau, "mesh": self.mesh, "side": self.side} | dict(
-            zip(STATE, self.before.T, strict=True)
+            zip(state_names(self.constants.wheels.size), self.before.T, strict=True)
         )
         return pd.DataFrame(columns).rename_axis("impact")
 
@@ -299,9 +334,11 @@ class Orbit:
             return self
         k = self.sticking[0].impact
         cut = Impacts._make(values.copy() for values in Impacts.of(self))
-        for values, missing in zip(cut, Impacts.empty(0), strict=True):
+        wheels = self.constants.wheels.size
+        for values, missing in zip(cut, Impacts.empty(0, wheels), strict=True):
             values[k + 1 :] = missing[0]
-        legs = self.legs[: int(self.legs[:, 5:].any(axis=1).argmax())]
+        sticks = self.legs[:, 1 + 2 * wheels :].any(axis=1)
+        legs = self.legs[: int(sticks.argmax())]
         return Orbit(self.constants, *cut, k, f"{MISSES[REST]} after impact {k}", legs, ())
 
     def state(self, time: float) -> Floats:
@@ -314,14 +351,15 @@ class Orbit:
 
         Returns
         -------
-        ndarray, shape (4,)
-            ``(x1, y1, x2, y2)``.
+        ndarray, shape (2 wheels,)
+            ``(x1, y1, ...)``.
         """
-        tau, x1, y1, x2, y2, first, second = self.legs[
-            int(np.searchsorted(self.legs[:, 0], time, side="right")) - 1
-        ]
-        closed = int(first), int(second)
-        return np.array(stick_on(self.constants, tau, x1, y1, x2, y2, closed, time - tau))
+        leg = self.legs[int(np.searchsorted(self.legs[:, 0], time, side="right")) - 1]
+        states = 2 * self.constants.wheels.size
+        closed = leg[1 + states :].astype(np.int64)
+        begun = leg[1 : 1 + states]
+        state: Floats = stick_on(self.constants, leg[0], begun, closed, time - leg[0])
+        return state
 
     def plot(self) -> "Figure":
         """Draw the displacements over time between their walls, with the impacts and the sticking
@@ -373,8 +411,8 @@ class Orbit:
         [1, 1, 2, 1]
         """
         data = as_dataset(self.table, "dimensionless", None)
-        for i in (1, 3):
-            data[f"{STATE[i]}_after"] = ("impact", self.after[:, i], data[STATE[i]].attrs)
+        for i in range(1, self.after.shape[1] // 2 + 1):
+            data[f"y{i}_after"] = ("impact", self.after[:, 2 * i - 1], data[f"y{i}"].attrs)
         return data
 
 
@@ -409,22 +447,26 @@ def follow(scene: Scene, impacts: int) -> Orbit:
     """
     c = scene.constants
     at = begin(scene, impacts)
-    legs: list[Leg] = []
-    k, code, legs_after = fill_impacts(c, at, legs)
+    legs = empty_legs(impacts, scene.stages)
+    k, code, n = fill_impacts(c, at, legs)
     number = np.arange(k + 1)
-    begun = np.column_stack([at.tau[: k + 1], at.after[: k + 1], np.zeros((k + 1, 2))])
-    place = np.searchsorted(number, legs_after, side="right")
-    pieces = np.insert(begun, place, np.reshape(legs, (-1, 7)), axis=0)
-    number = np.insert(number, place, legs_after)
+    begun = np.zeros((k + 1, legs.shape[1]))
+    begun[:, 0] = at.tau[: k + 1]
+    begun[:, 1 : 1 + at.after.shape[1]] = at.after[: k + 1]
+    begun[:, -1] = number
+    place = np.searchsorted(number, legs[:n, -1], side="right")
+    pieces = np.insert(begun, place, legs[:n], axis=0)
     stopped = "" if code > 0 else f"{MISSES[code]} after impact {k}"
-    return Orbit(c, *at, k, stopped, pieces, _sticking_phases(pieces, number))
+    phases = _sticking_phases(pieces[:, :-1], pieces[:, -1].astype(int))
+    return Orbit(c, *at, k, stopped, pieces[:, :-1], phases)
 
 
 def _sticking_phases(legs: Floats, impact: Ints) -> tuple[StickingPhase, ...]:
     """Runs of legs in which a mesh sticks; `impact` is the last one before each leg."""
     phases = []
-    for mesh in (1, 2):
-        closed = legs[:, 4 + mesh].astype(int)
+    wheels = legs.shape[1] // 3
+    for mesh in range(1, wheels + 1):
+        closed = legs[:, 2 * wheels + mesh].astype(int)
         (edges,) = np.nonzero(np.diff(closed, prepend=0, append=0))
         for first, last in pairwise(edges):
             if closed[first] != 0:

@@ -2,8 +2,10 @@
 paths."""
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+import re
+from collections.abc import Sequence, Sized
+from dataclasses import dataclass, fields, replace
+from typing import Any
 
 from rattle.scene.errors import (
     InputError,
@@ -11,10 +13,14 @@ from rattle.scene.errors import (
     choice,
     count,
     finite,
+    nearest,
     non_negative,
+    positive,
     suggesting,
+    unit_interval,
 )
-from rattle.scene.types import CUT
+from rattle.scene.text import as_call
+from rattle.scene.types import CUT, MOST_WHEELS, state_names
 
 _edge = math.exp(-0.5 * CUT**2) / math.sqrt(2.0 * math.pi)
 UNIT_VARIANCE = {
@@ -34,6 +40,138 @@ MEMORY_RANGE = (1e-4, 1e6)  # correlation times of noise that is not white
 # largest speed and time of a start; a float resolves 1e-4 at a time of 1e12
 LARGEST_SPEED = 1e6
 LARGEST_TIME = 1e12
+
+
+LARGEST_BETA = 1e4
+LARGEST_RATE = 1e6  # of excitation, drag and noise
+MASSES = (1e-6, 1e6)  # of a wheel over that of wheel 1
+RATIOS = (1e-3, 1e3)
+DRIVER = "driver"
+"""What wheels may call the driver, which has the number 0."""
+# as a part of a name of a value (wheel.third.torque) and in the label of a column
+WHEEL_NAME = re.compile(r"[^\W\d_][\w-]{0,23}")
+
+
+@suggesting
+@dataclass(frozen=True, kw_only=True)
+class Wheel:
+    """A loose wheel of a gearbox and its mesh with its parent (docs/model.md section 2,
+    dimensionless).
+
+    Parameters
+    ----------
+    beta : float
+        Damping ratio in flight, 0 to 1e4.
+    gamma : float
+        Constant drag, 0 or 1e-30 to 1e6.
+    gap : float
+        Half gap at its mesh, 1e-9 to 1e6.
+    mass : float
+        ``I / R^2`` at its mesh over that of wheel 1, 1e-6 to 1e6.
+    parent : int or str
+        Number or name of the wheel that it meshes with, which stands before it; 0 is the driver.
+    ratio : float
+        Radius of the parent at this mesh over the parent's own radius (at the driver: over its
+        radius at wheel 1), 1e-3 to 1e3.
+    epsilon : float, optional
+        Restitution at its mesh, 0 to 1; by default that of the scene.
+    tolerance : float
+        Largest deviation of its half gap, below `gap`; how it is drawn is in the scene's
+        `Tolerance`.
+    name : str
+        What tables and figures call it; by default its number.  A letter, and up to 23 letters,
+        digits, ``-`` or ``_`` after it.
+
+    Raises
+    ------
+    InputError
+        If a value is not a finite number in its range.
+
+    Examples
+    --------
+    >>> Wheel(beta=0.1, gamma=0.3, name="third").mass
+    1.0
+    """
+
+    beta: float
+    gamma: float
+    gap: float = 0.5
+    mass: float = 1.0
+    parent: int | str = 0
+    ratio: float = 1.0
+    epsilon: float | None = None
+    tolerance: float = 0.0
+    name: str = ""
+
+    def __post_init__(self) -> None:
+        for name in ("beta", "gamma", "gap", "mass", "ratio", "tolerance"):
+            object.__setattr__(self, name, finite(f"wheel.{name}", getattr(self, name)))
+        check_range("wheel.beta", non_negative("wheel.beta", self.beta), 0.0, LARGEST_BETA)
+        gamma = non_negative("wheel.gamma", self.gamma)
+        check_range("wheel.gamma", gamma, LEAST_SIZE, LARGEST_RATE)
+        for name, (least, most) in {"gap": GAPS, "mass": MASSES, "ratio": RATIOS}.items():
+            value = positive(f"wheel.{name}", getattr(self, name))
+            check_range(f"wheel.{name}", value, least, most, zero=False)
+        tolerance = non_negative("wheel.tolerance", self.tolerance)
+        check_range("wheel.tolerance", tolerance, LEAST_SIZE, GAPS[1])
+        if self.tolerance >= self.gap:
+            why = f"must be below gap = {self.gap}, or a gap could close"
+            raise InputError("wheel.tolerance", self.tolerance, why)
+        if self.epsilon is not None:
+            object.__setattr__(self, "epsilon", finite("wheel.epsilon", self.epsilon))
+            unit_interval("wheel.epsilon", self.epsilon)
+
+
+def are_given(wheels: object) -> bool:
+    """Whether wheels are given, rightly or wrongly."""
+    return not isinstance(wheels, Sized) or len(wheels) > 0
+
+
+def wheel_labels(wheels: Sequence[Any]) -> tuple[str, ...]:
+    """What a person calls each of some wheels: its name, or its number."""
+    return tuple(wheel.name or str(number) for number, wheel in enumerate(wheels, 1))
+
+
+def find_parents(wheels: Sequence[Any], field: str) -> tuple[int, ...]:
+    """The number of each wheel's parent, 0 for the driver; checks the names of the wheels.
+
+    `field`: of a wheel, the number or the name of its parent.
+    """
+    if len(wheels) > MOST_WHEELS:
+        raise InputError("wheels", len(wheels), f"at most {MOST_WHEELS} wheels")
+    labels = wheel_labels(wheels)
+    numbers = {DRIVER: 0}
+    for number, wheel in enumerate(wheels, 1):
+        place = f"wheel.{number}.name"
+        if wheel.name == "":
+            continue
+        if not isinstance(wheel.name, str) or not WHEEL_NAME.fullmatch(wheel.name):
+            why = "write a letter, and up to 23 letters, digits, - or _ after it"
+            raise InputError(place, wheel.name, why)
+        if wheel.name in numbers:
+            why = (
+                "is the name of the driver" if wheel.name == DRIVER else "two wheels have this name"
+            )
+            raise InputError(place, wheel.name, f"{why}; rename one")
+        numbers[wheel.name] = number
+    parents = []
+    for number, wheel in enumerate(wheels, 1):
+        place = f"wheel.{labels[number - 1]}.{field}"
+        given = getattr(wheel, field)
+        if isinstance(given, str) and given not in numbers:
+            why = f"no wheel has this name; {nearest(given, numbers)}"
+            raise InputError(place, given, why)
+        parent = numbers[given] if isinstance(given, str) else count(place, given, least=0)
+        if parent > len(wheels):
+            raise InputError(place, given, f"there are {len(wheels)} wheels; 0 is the driver")
+        if parent >= number:
+            why = (
+                f"wheel {labels[number - 1]} must stand after the wheel that it meshes with, and no"
+                " wheel may mesh with itself in a circle"
+            )
+            raise InputError(place, given, why)
+        parents.append(parent)
+    return tuple(parents)
 
 
 @suggesting
@@ -160,9 +298,12 @@ class Start:
         where the scene gives no other drive.
     x1, y1, x2, y2 : float
         Relative displacement and velocity of both stages; velocities up to 1e6 in size.
-    mesh : {1, 2, 0}
+    mesh : int
         The mesh that is struck at once (the state is the one just before that impact), or 0 for a
         start in flight.  The impact of the start is number 0; tables count from the next one.
+    state : sequence of float
+        ``(x1, y1, x2, y2, x3, y3, ...)`` of all wheels, in place of the four numbers: for more
+        than two wheels.
 
     Raises
     ------
@@ -181,26 +322,55 @@ class Start:
     x2: float = 0.0
     y2: float = 0.0
     mesh: int = 0
+    state: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
         for name in ("tau", "x1", "y1", "x2", "y2"):
             object.__setattr__(self, name, finite(f"start.{name}", getattr(self, name)))
         check_range("start.tau", self.tau, 0.0, LARGEST_TIME)
-        for name, most in (
-            ("x1", GAPS[1]),
-            ("x2", GAPS[1]),
-            ("y1", LARGEST_SPEED),
-            ("y2", LARGEST_SPEED),
-        ):
-            check_range(f"start.{name}", getattr(self, name), 0.0, most)
-        object.__setattr__(self, "mesh", count("start.mesh", self.mesh, least=0, most=2))
+        self._take_state()
+        for name, value in zip(state_names(len(self.values) // 2), self.values, strict=True):
+            most = GAPS[1] if name.startswith("x") else LARGEST_SPEED
+            check_range(f"start.{name}", value, 0.0, most)
+        mesh = count("start.mesh", self.mesh, least=0, most=MOST_WHEELS)
+        object.__setattr__(self, "mesh", mesh)
+
+    def __repr__(self) -> str:
+        unused = ("x1", "y1", "x2", "y2") if self.state else ("state",)
+        return as_call(
+            "Start", {f.name: getattr(self, f.name) for f in fields(self) if f.name not in unused}
+        )
+
+    def _take_state(self) -> None:
+        """Check a state that is given as a whole; one of two wheels becomes the four numbers."""
+        if not isinstance(self.state, Sequence) or isinstance(self.state, str):
+            raise InputError("start.state", self.state, "give x and y of each wheel in turn")
+        if not self.state:
+            return
+        given = [finite("start.state", value) for value in self.state]
+        if len(given) % 2 or len(given) > 2 * MOST_WHEELS:
+            raise InputError("start.state", self.state, "give x and y of each wheel in turn")
+        if any((self.x1, self.y1, self.x2, self.y2)):
+            raise InputError("start.state", self.state, "give it, or x1, y1, x2 and y2")
+        short = len(given) <= 4
+        object.__setattr__(self, "state", () if short else tuple(given))
+        if short:
+            for name, value in zip(("x1", "y1", "x2", "y2"), given, strict=False):
+                object.__setattr__(self, name, value)
+
+    @property
+    def values(self) -> tuple[float, ...]:
+        """``(x1, y1, x2, y2, ...)``."""
+        return self.state or (self.x1, self.y1, self.x2, self.y2)
 
 
 def move_to_flanks(start: Start, before: Sequence[float], after: Sequence[float]) -> Start:
     """The start of a scene whose half gaps at both meshes are others: what lies on a nominal flank
     stays on it."""
-    x1, x2 = (
-        math.copysign(finite(f"gap{i}", new), x) if abs(x) == old else x
-        for i, (x, old, new) in enumerate(zip((start.x1, start.x2), before, after, strict=True), 1)
-    )
-    return replace(start, x1=x1, x2=x2)
+    values = list(start.values)
+    for i, (old, new) in enumerate(zip(before, after, strict=True)):
+        x = values[2 * i]
+        values[2 * i] = math.copysign(finite(f"gap{i + 1}", new), x) if abs(x) == old else x
+    if start.state:
+        return replace(start, state=tuple(values))
+    return replace(start, x1=values[0], x2=values[2])

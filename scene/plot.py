@@ -61,12 +61,12 @@ def plot_orbit(
     """Draw displacements over time, the walls, the impacts at each mesh, and the times in which a
     mesh sticks.
 
-    Shapes: `times` (n,) with `states` (n, 4); `tau` and `mesh` (impacts,) with the states `before`
-    (impacts, 4); `sticking` as `rattle.scene.orbit.StickingPhase`.
+    Shapes: `times` (n,) with `states` (n, 2 wheels); `tau` and `mesh` (impacts,) with the states
+    `before` (impacts, 2 wheels); `sticking` as `rattle.scene.orbit.StickingPhase`.
     """
-    figure = ShownFigure(figsize=(7.0, 0.6 + 1.8 * c.stages), layout="constrained")
-    panels = figure.subplots(c.stages, 1, sharex=True, squeeze=False)[:, 0]
-    for i, (ax, wall) in enumerate(zip(panels, (c.wall1, c.wall2), strict=False)):
+    figure = ShownFigure(figsize=(7.0, 0.6 + 1.8 * c.wheels.size), layout="constrained")
+    panels = figure.subplots(c.wheels.size, 1, sharex=True, squeeze=False)[:, 0]
+    for i, (ax, wall) in enumerate(zip(panels, c.wheels["wall"], strict=True)):
         here = np.flatnonzero(mesh == i + 1)
         ax.plot(times, states[:, 2 * i], color="#0072B2", lw=1.2)
         ax.plot(

@@ -2,8 +2,10 @@
 them."""
 
 import math
+from collections.abc import Sequence
 from copy import copy
 from dataclasses import asdict, dataclass, field, fields, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -14,6 +16,7 @@ from rattle.scene import errors, gears_input
 from rattle.scene.errors import InputError, suggesting
 from rattle.scene.files import in_file, read_text, read_toml
 from rattle.scene.gears import DAT21, Gears, change_gears
+from rattle.scene.loose_wheel import as_table
 from rattle.scene.parts import (
     GAPS,
     LEAST_SIZE,
@@ -22,10 +25,13 @@ from rattle.scene.parts import (
     Order,
     Start,
     Tolerance,
+    Wheel,
+    find_parents,
     move_to_flanks,
+    wheel_labels,
 )
 from rattle.scene.text import as_call, as_html
-from rattle.scene.types import SINE, Constants, Floats, Orders
+from rattle.scene.types import SINE, WHEEL, Constants, Floats, Orders, Wheels
 
 Times = TypeVar("Times", float, Floats)
 Part = TypeVar("Part")
@@ -38,12 +44,28 @@ LARGEST_VALUES = {
     "gamma2": 1e6,
     "sigma": 1e6,
 }
+CACHED = ("tree", "_compiled_wheels")
+"""What a scene computes once and keeps."""
+UNRELATED = {"sigma", "start"}
+"""Fields whose change leaves that as it is."""
 FAR_ORDERS = 8
 """Gap between orders above which the sine of the next one is not computed from that of the last."""
+SHORT = {
+    "beta1": 0.0,
+    "gamma1": 0.0,
+    "beta2": 0.0,
+    "gamma2": 0.0,
+    "mu": 0.0,
+    "gap1": 0.5,
+    "gap2": 0.5,
+}
+"""Fields of one or two wheels in a row, and what they are in a scene of `Wheel`, which has no use
+for them."""
+PLAIN_WHEEL = Wheel(beta=0.0, gamma=0.0)
+TABLES = ("gears", "wheel", "scene", "drive")
+"""Tables of a scene file."""
 FREE = ("sigma", "tolerance", "start", "stages", "drive", "correlation_time")
 """Fields of a scene that gears do not fix."""
-SWEPT = ("alpha", "epsilon", "beta1", "beta2", "gamma1", "gamma2", "mu", "gap1", "gap2", "sigma")
-"""Fields that are a number each, over which a sweep may go."""
 
 
 @suggesting
@@ -77,8 +99,9 @@ class Scene:
         The paper's start by default: both stages on the positive flank with speed 2, just before an
         impact at mesh 1, at ``tau = 0``.  A coordinate that lies on a nominal flank is placed on
         each path's own flank.
-    stages : {2, 1}
-        1 is the single-stage rattler: mesh 1 alone; ``beta2, gamma2, mu, gap2`` are then unused.
+    stages : int
+        Number of loose wheels.  2, or 1 for the single-stage rattler: mesh 1 alone; ``beta2,
+        gamma2, mu, gap2`` are then unused.  Where `wheels` are given it is their number.
     drive : sequence of Order, optional
         The driver's motion ``f(tau) = sum_j a_j sin(j tau + phi_j)``, in place of the default ``sin
         tau``.
@@ -86,6 +109,11 @@ class Scene:
         Memory of the noise, in units of ``1 / omega``: the modulation is an Ornstein-Uhlenbeck
         process with the spectrum of white noise of the same `sigma` at frequency 0.  0 (white
         noise), or 1e-4 to 1e6.
+    wheels : sequence of Wheel, optional
+        The loose wheels of a gearbox, 1 to 32, each after the one that it meshes with; in place of
+        ``beta1, gamma1, beta2, gamma2, mu, gap1, gap2``.  `epsilon` is then that of the wheels
+        that have none of their own, and is not needed where all have.  One or two wheels in a row
+        become the short form.
     gears : Gears, optional
         The physical gears that the scene was made from, by `from_gears`; None once a value that
         gears fix is another.
@@ -101,12 +129,18 @@ class Scene:
     >>> s = Scene.from_gears(DAT21, sigma=0.1)
     >>> round(s.beta1, 6), s.gap2
     (0.083333, 0.5)
+
+    Two loose wheels on the driver, the second with another radius of the driver there:
+
+    >>> pair = [Wheel(beta=0.1, gamma=0.3), Wheel(beta=0.2, gamma=0.2, mass=0.5, ratio=1.2)]
+    >>> Scene(alpha=2.0, epsilon=0.8, wheels=pair).stages
+    2
     """
 
     alpha: float
-    epsilon: float
-    beta1: float
-    gamma1: float
+    epsilon: float = None  # type: ignore[assignment]  # of the wheels, where these are given
+    beta1: float = None  # type: ignore[assignment]  # beta1, gamma1: needed without wheels
+    gamma1: float = None  # type: ignore[assignment]
     beta2: float = 0.0
     gamma2: float = 0.0
     mu: float = 0.0
@@ -118,10 +152,21 @@ class Scene:
     stages: int = 2
     drive: tuple[Order, ...] = SINE_ALONE
     correlation_time: float = 0.0
+    wheels: tuple[Wheel, ...] = ()
     gears: Gears | None = field(default=None, compare=False, repr=False)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "stages", errors.count("stages", self.stages, least=1, most=2))
+        if not isinstance(self.wheels, Sequence):
+            raise InputError("wheels", self.wheels, "give a sequence of Wheel")
+        if self.gears is not None:
+            self._check_gears()
+        if self.wheels:
+            self._take_wheels()
+        else:
+            object.__setattr__(self, "stages", errors.count("stages", self.stages, 1, 2))
+            for name in ("epsilon", "beta1", "gamma1"):
+                if getattr(self, name) is None:
+                    raise InputError(name, None, "is needed, or give wheels")
         for f in fields(self):
             if f.type is float or f.type == "float":
                 object.__setattr__(self, f.name, errors.finite(f.name, getattr(self, f.name)))
@@ -131,7 +176,7 @@ class Scene:
         errors.unit_interval("epsilon", self.epsilon)
         for name in ("gap1", "gap2"):
             errors.check_range(name, errors.positive(name, getattr(self, name)), *GAPS, zero=False)
-        if self.stages == 2 and not 0.0 < self.mu < 1.0:
+        if self.stages == 2 and not self.wheels and not 0.0 < self.mu < 1.0:
             raise InputError(
                 "mu", self.mu, "two stages need mu = I2 R1^2 / (I1 R2^2 + I2 R1^2), between 0 and 1"
             )
@@ -144,19 +189,27 @@ class Scene:
         self._check_drive()
         self._check_tolerance()
         if self.start is None:
-            object.__setattr__(self, "start", Start(0.0, self.gap1, 2.0, self.gap2, 2.0, mesh=1))
+            object.__setattr__(self, "start", self._default_start)
         self._check_start()
-        if self.gears is not None and any(
-            getattr(self, n) != v for n, v in _parameters_of(self.gears).items()
-        ):
-            object.__setattr__(self, "gears", None)
+
+    def _check_gears(self) -> None:
+        """Keep the gears only as long as all that they fix is theirs."""
+        if not isinstance(self.gears, Gears):
+            raise InputError("gears", self.gears, "give Gears")
+        for name, value in self.gears.parameters.items():
+            given = getattr(self, name)
+            if not (np.isscalar(given) or isinstance(given, tuple)) or given != value:
+                object.__setattr__(self, "gears", None)
+                return
 
     def __repr__(self) -> str:
         """Python text that makes the scene, to the last bit, on a few lines; defaults are left
         out."""
         shown = {f.name: getattr(self, f.name) for f in fields(self) if f.repr}
         defaults: dict[str, Any] = {f.name: f.default for f in fields(self)}
-        defaults["start"] = Start(0.0, self.gap1, 2.0, self.gap2, 2.0, mesh=1)
+        defaults["start"] = self._default_start
+        if self.wheels:
+            defaults |= {"stages": self.stages} | SHORT
         shown = {
             name: value for name, value in shown.items() if repr(value) != repr(defaults[name])
         }
@@ -200,29 +253,139 @@ class Scene:
             return
         if not isinstance(self.tolerance, Tolerance):
             raise InputError("tolerance", self.tolerance, "give a Tolerance")
-        for i in range(1, self.stages + 1):
-            c = getattr(self.tolerance, f"c{i}_max")
-            gap = getattr(self, f"gap{i}")
-            if c >= gap:
-                raise InputError(
-                    f"tolerance.c{i}_max", c, f"must be below gap{i} = {gap}, or a gap could close"
-                )
+        for i, wheel in enumerate(self.tree, 1):
+            if not self.wheels and wheel.tolerance >= wheel.gap:
+                why = f"must be below gap{i} = {wheel.gap}, or a gap could close"
+                raise InputError(f"tolerance.c{i}_max", wheel.tolerance, why)
+        if self.wheels and max(self.tolerance.c1_max, self.tolerance.c2_max) > 0.0:
+            why = "of a scene of wheels is given with each: Wheel(tolerance=...)"
+            raise InputError("tolerance.c1_max", self.tolerance.c1_max, why)
+
+    def _take_wheels(self) -> None:
+        """Check the wheels of a gearbox; one or two in a row become the short form."""
+        given = tuple(self.wheels)
+        for name, unused in SHORT.items():
+            if getattr(self, name) not in (None, unused):
+                raise InputError(name, getattr(self, name), "give it, or wheels; not both")
+            object.__setattr__(self, name, unused)
+        for wheel in given:
+            if not isinstance(wheel, Wheel):
+                raise InputError("wheels", wheel, "give a sequence of Wheel")
+        parents = find_parents(given, "parent")
+        for label, wheel in zip(wheel_labels(given), given, strict=True):
+            if wheel.epsilon is None and self.epsilon is None:
+                why = "give it one, or the scene"
+                raise InputError(f"wheel.{label}.epsilon", None, why)
+        given = tuple(replace(w, parent=p) for w, p in zip(given, parents, strict=True))
+        first = given[0].mass
+        if first != 1.0:
+            given = tuple(replace(wheel, mass=wheel.mass / first) for wheel in given)
+        if any(wheel.tolerance for wheel in given) and self.tolerance is None:
+            object.__setattr__(self, "tolerance", Tolerance())
+        if self.epsilon is None:
+            object.__setattr__(self, "epsilon", given[0].epsilon)
+        values = {"wheels": given, "stages": len(given)}
+        if self.gears is None and _are_in_a_row(given, self.epsilon):
+            values |= self._short_form(given)
+        for name, value in values.items():
+            object.__setattr__(self, name, value)
+
+    def _short_form(self, wheels: tuple[Wheel, ...]) -> dict[str, Any]:
+        """The fields of one or two wheels in a row."""
+        values: dict[str, Any] = {"wheels": ()}
+        for number, wheel in enumerate(wheels, 1):
+            values |= {f"{name}{number}": getattr(wheel, name) for name in ("beta", "gamma", "gap")}
+        if len(wheels) == 2:
+            values["mu"] = wheels[1].mass / (1.0 + wheels[1].mass)
+        if self.tolerance is not None and any(wheel.tolerance for wheel in wheels):
+            widths: dict[str, Any] = {
+                f"c{i}_max": wheel.tolerance for i, wheel in enumerate(wheels, 1)
+            }
+            values["tolerance"] = replace(self.tolerance, **widths)
+        return values
+
+    @cached_property
+    def tree(self) -> tuple[Wheel, ...]:
+        """The loose wheels, each with its number of the parent, its restitution and its tolerance.
+
+        Examples
+        --------
+        >>> from rattle.scene import DAT21
+        >>> [wheel.parent for wheel in Scene.from_gears(DAT21).tree]
+        [0, 1]
+        """
+        if self.wheels:
+            return tuple(
+                wheel if wheel.epsilon is not None else _copy_with(wheel, epsilon=self.epsilon)
+                for wheel in self.wheels
+            )
+        tolerance = self.tolerance or Tolerance()
+        first = _copy_with(
+            PLAIN_WHEEL,
+            beta=self.beta1,
+            gamma=self.gamma1,
+            gap=self.gap1,
+            epsilon=self.epsilon,
+            tolerance=tolerance.c1_max,
+        )
+        if self.stages == 1:
+            return (first,)
+        second = _copy_with(
+            first,
+            beta=self.beta2,
+            gamma=self.gamma2,
+            gap=self.gap2,
+            mass=self.mu / (1.0 - self.mu),
+            parent=1,
+            tolerance=tolerance.c2_max,
+        )
+        return first, second
+
+    @property
+    def wheel_names(self) -> tuple[str, ...]:
+        """What a person calls each loose wheel: its name, or its number.
+
+        Examples
+        --------
+        >>> pair = [Wheel(beta=0.1, gamma=0.3, name="shaft"), Wheel(beta=0.1, gamma=0.2, parent=1)]
+        >>> Scene(alpha=2.0, epsilon=0.8, wheels=pair).wheel_names
+        ('shaft', '2')
+        """
+        return wheel_labels(self.tree)
+
+    @property
+    def half_gaps(self) -> tuple[float, ...]:
+        """The half gaps of all wheels, and of a single stage that of the unused mesh 2 too."""
+        return tuple(wheel.gap for wheel in self.wheels) or (self.gap1, self.gap2)
+
+    @property
+    def _default_start(self) -> Start:
+        """The paper's start: all wheels on the positive flank with speed 2, just before an impact
+        at mesh 1."""
+        if not self.wheels:
+            return Start(0.0, self.gap1, 2.0, self.gap2, 2.0, mesh=1)
+        state = [value for wheel in self.wheels for value in (wheel.gap, 2.0)]
+        return Start(0.0, state=tuple(state), mesh=1)
 
     def _check_start(self) -> None:
         start = self.start
         if not isinstance(start, Start):
             raise InputError("start", start, "give a Start")
         if start.mesh > self.stages:
-            raise InputError("start.mesh", start.mesh, "a single-stage scene has mesh 1 only")
-        for i in range(1, self.stages + 1):
-            x = getattr(start, f"x{i}")
-            y = getattr(start, f"y{i}")
-            gap = getattr(self, f"gap{i}")
-            c_max = getattr(self.tolerance, f"c{i}_max") if self.tolerance else 0.0
+            why = f"a scene of {self.stages} wheels has no mesh {start.mesh}"
+            if self.stages == 1:
+                why = "a single-stage scene has mesh 1 only"
+            raise InputError("start.mesh", start.mesh, why)
+        if len(start.values) < 2 * self.stages:
+            raise InputError("start", start, f"give state = (x1, y1, ...) of {self.stages} wheels")
+        for i, wheel in enumerate(self.tree, 1):
+            x, y = start.values[2 * i - 2 : 2 * i]
+            gap = wheel.gap
             on_flank = abs(x) == gap
-            if abs(x) > gap - c_max and not on_flank:
+            if abs(x) > gap - wheel.tolerance and not on_flank:
+                inside = gap - wheel.tolerance
                 raise InputError(
-                    f"start.x{i}", x, f"must lie on a flank (+-{gap}) or inside +-{gap - c_max}"
+                    f"start.x{i}", x, f"must lie on a flank (+-{gap}) or inside +-{inside}"
                 )
             if start.mesh == i and not (on_flank and x * np.sign(y) > 0.0):
                 why = (
@@ -267,13 +430,15 @@ class Scene:
         1
         """
         errors.check_keys("Scene.from_gears", settings, FREE)
-        fixed = _parameters_of(gears)
-        if gears.wheels == 1 and settings.get("stages", 2) == 2:
+        if not isinstance(gears, Gears):
+            raise InputError("gears", gears, "give Gears")
+        is_single = len(gears.tree) == 1 and not gears.wheels
+        if is_single and settings.get("stages", 2) == 2:
             raise InputError(
                 "stages", 2, "these gears have no wheel 2: give stages = 1, or inertia2 and radius2"
             )
         try:
-            return cls(gears=gears, **fixed, **settings)
+            return cls(gears=gears, **gears.parameters, **settings)
         except InputError as error:
             raise gears_input.of_gears(gears, error) from None
 
@@ -308,7 +473,8 @@ class Scene:
         ----------
         **changes : float
             Values by name, in the unit of `Gears` and `Gears.driven`: those that the gears were
-            given by, ``amplitude`` (mm) or ``alpha``.
+            given by, ``amplitude`` (mm) or ``alpha``.  Those of wheel 3 are ``torque3`` or, as in
+            ``**{"wheel.third.torque": 50.0}``, by its name.
 
         Returns
         -------
@@ -333,12 +499,12 @@ class Scene:
         gears = change_gears(self.gears, changes)
         settings = {name: getattr(self, name) for name in FREE}
         if self.tolerance is not None:
-            unit = self.gears.backlash1 / gears.backlash1  # old unit of length over the new one
+            # old unit of length over the new one
+            unit = self.gears.units.length / gears.units.length
             widths = {name: unit * getattr(self.tolerance, name) for name in ("c1_max", "c2_max")}
             settings["tolerance"] = replace(self.tolerance, **widths)
-        if gears.wheels == 2:
-            gaps = (self.gap1, gears.gap2)
-            settings["start"] = move_to_flanks(self.start, (self.gap1, self.gap2), gaps)
+        gaps = [gears.gap(number) for number in range(1, len(gears.tree) + 1)]
+        settings["start"] = move_to_flanks(self.start, self.half_gaps[: len(gaps)], gaps)
         return Scene.from_gears(gears, **settings)
 
     def scaled(self, factor: float) -> "Scene":
@@ -367,15 +533,22 @@ class Scene:
         """
         s = self.start
         t = self.tolerance
-        state = {name: factor * getattr(s, name) for name in ("x1", "y1", "x2", "y2")}
+        state: dict[str, Any] = {n: factor * getattr(s, n) for n in ("x1", "y1", "x2", "y2")}
+        state["state"] = tuple(factor * value for value in s.state)
+        wheels = tuple(
+            _copy_with(
+                w, gamma=factor * w.gamma, gap=factor * w.gap, tolerance=factor * w.tolerance
+            )
+            for w in self.wheels
+        )
         lengths = {
             n: factor * getattr(self, n)
             for n in ("alpha", "gamma1", "gamma2", "gap1", "gap2", "sigma")
         }
         tolerance = t and _copy_with(t, c1_max=factor * t.c1_max, c2_max=factor * t.c2_max)
-        return _copy_with(
-            self, **lengths, start=_copy_with(s, **state), tolerance=tolerance, gears=None
-        )
+        start = _copy_with(s, **state)
+        parts = {"start": start, "tolerance": tolerance, "wheels": wheels, "gears": None}
+        return _copy_with(self, **lengths, **parts)
 
     @property
     def phase(self) -> float:
@@ -442,29 +615,40 @@ class Scene:
     @property
     def noise_free(self) -> "Scene":
         """The same scene without noise and without random tolerance: the deterministic system."""
-        tolerance = (
-            self.tolerance
-            if self.tolerance is not None and self.tolerance.distribution == "fixed"
-            else None
-        )
-        return _copy_with(self, sigma=0.0, tolerance=tolerance)
+        changes: dict[str, Any] = {"sigma": 0.0}
+        if self.tolerance is not None and self.tolerance.distribution != "fixed":
+            changes["tolerance"] = None
+            changes["wheels"] = tuple(_copy_with(wheel, tolerance=0.0) for wheel in self.wheels)
+        return _copy_with(self, **changes)
 
     @property
     def constants(self) -> Constants:
         """The numbers of the scene for compiled code; a fixed tolerance is part of the walls."""
-        fixed = self.tolerance is not None and self.tolerance.distribution == "fixed"
-        wall1, wall2 = self.windows if fixed else (self.gap1, self.gap2)
-        values = {
-            name: getattr(self, name)
-            for name in ("alpha", "epsilon", "beta1", "gamma1", "sigma", "stages")
-        }
-        values |= {
-            name: getattr(self, name) if self.stages == 2 else 0.0
-            for name in ("beta2", "gamma2", "mu")
-        }
         return Constants(
-            **values, wall1=wall1, wall2=wall2, drive=self._orders, memory=self.correlation_time
+            self.alpha, self.sigma, self._compiled_wheels, self._orders, self.correlation_time
         )
+
+    @cached_property
+    def _compiled_wheels(self) -> Wheels:
+        """The wheels for compiled code, which only reads them."""
+        # here, for it loads numba, which --help has no use for
+        from rattle.scene.wheel import complete_wheels
+
+        fixed = self.tolerance is not None and self.tolerance.distribution == "fixed"
+        tree = self.tree
+        wheels = np.zeros(len(tree), WHEEL)
+        for name in ("ratio", "beta", "gamma", "epsilon", "mass"):
+            wheels[name] = [getattr(wheel, name) for wheel in tree]
+        wheels["wall"] = [wheel.gap + fixed * wheel.tolerance for wheel in tree]
+        parents = [int(wheel.parent) - 1 for wheel in tree]
+        wheels["parent"] = parents
+        wheels["sign"] = [1.0 if parent < 0 else -1.0 for parent in parents]
+        turns: list[float] = []
+        for wheel, parent in zip(tree, parents, strict=True):
+            turns.append(wheel.ratio * (turns[parent] if parent >= 0 else 1.0))
+        wheels["turn"] = turns
+        complete_wheels(wheels, self._orders)
+        return wheels
 
     @property
     def _orders(self) -> Orders | tuple[()]:
@@ -487,20 +671,31 @@ class Scene:
         return Orders(order, gap, odd, even, order[-1], most1, most2, most3, waves)
 
     @property
-    def windows(self) -> tuple[float, float]:
-        """Half widths ``g_i + c_i_max`` of the windows of Eqs. 20 and 21, a pair of floats."""
-        c1, c2 = (self.tolerance.c1_max, self.tolerance.c2_max) if self.tolerance else (0.0, 0.0)
-        return self.gap1 + c1, self.gap2 + c2
+    def differs_by_set(self) -> bool:
+        """Whether every gear set has backlashes of its own, for good."""
+        tolerance = self.tolerance
+        if tolerance is None or tolerance.draw != "path" or tolerance.distribution == "fixed":
+            return False
+        return any(wheel.tolerance > 0.0 for wheel in self.tree)
 
     @property
-    def start_state(self) -> tuple[float, float, float, float]:
-        """``(x1, y1, x2, y2)`` of the start, with a coordinate on a nominal flank moved to the wall
-        of `constants`."""
-        s = self.start
-        k = self.constants
-        x1 = math.copysign(k.wall1, s.x1) if abs(s.x1) == self.gap1 else s.x1
-        x2 = math.copysign(k.wall2, s.x2) if abs(s.x2) == self.gap2 else s.x2
-        return x1, s.y1, x2, s.y2
+    def windows(self) -> tuple[float, ...]:
+        """Half widths ``g_i + c_i_max`` of the windows of Eqs. 20 and 21, a tuple of floats."""
+        return tuple(wheel.gap + wheel.tolerance for wheel in self.tree)
+
+    @property
+    def start_state(self) -> Floats:
+        """``(x1, y1, ...)`` of the start, with a coordinate on a nominal flank moved to the wall of
+        `constants`.
+
+        Shapes: result (2 wheels,).
+        """
+        walls = self.constants.wheels["wall"]
+        state = np.array(self.start.values[: 2 * self.stages])
+        for i, wheel in enumerate(self.tree):
+            if abs(state[2 * i]) == wheel.gap:
+                state[2 * i] = math.copysign(walls[i], state[2 * i])
+        return state
 
     def to_dict(self) -> dict[str, Any]:
         """The scene as plain data, for TOML files and manifests; in the gear form where it was made
@@ -509,22 +704,38 @@ class Scene:
         Returns
         -------
         dict
-            With a table ``scene``, ``gears`` in the gear form, and ``drive`` where it is not the
-            sine alone.
+            With a table ``scene``, ``gears`` in the gear form and the list ``wheel`` where it has
+            any number of wheels, and ``drive`` where it is not the sine alone.
         """
         values = {
             f.name: getattr(self, f.name) for f in fields(self) if f.name not in ("gears", "drive")
         }
         for name in ("tolerance", "start"):
             values[name] = values[name] and asdict(values[name])
+        start = values["start"]
+        del start["state"]
+        if self.start.state:
+            values["start"] = {
+                "tau": start["tau"],
+                "mesh": start["mesh"],
+                "state": self.start.state,
+            }
+        if self.wheels:
+            values = {k: v for k, v in values.items() if k not in (*SHORT, "stages")}
+            values["wheels"] = [_as_table(wheel) for wheel in self.wheels]
+        else:
+            del values["wheels"]
         for name in ("tolerance", "correlation_time"):
             if not values[name]:
                 del values[name]
         drive = {} if self.drive == SINE_ALONE else {"drive": [asdict(one) for one in self.drive]}
         if self.gears is None:
             return drive | {"scene": values}
+        gears = self.gears.values
+        wheels = [as_table(wheel) for wheel in gears.pop("wheels", ())]
         return (
-            {"gears": self.gears.values}
+            {"gears": gears}
+            | ({"wheel": wheels} if wheels else {})
             | drive
             | {"scene": {k: v for k, v in values.items() if k in FREE}}
         )
@@ -536,8 +747,8 @@ class Scene:
         Parameters
         ----------
         data : dict
-            Tables ``scene`` and, in the gear form, ``gears``, and the list ``drive``;
-            ``rattle.scene.gears_input`` says what these may hold.
+            Tables ``scene`` and, in the gear form, ``gears``, and the lists ``wheel`` and
+            ``drive``; ``rattle.scene.gears_input`` says what these may hold.
 
         Returns
         -------
@@ -549,7 +760,7 @@ class Scene:
         InputError
             For unknown or missing keys and values that are not admissible.
         """
-        errors.check_keys("top level", _table("scene", data), ("gears", "scene", "drive"))
+        errors.check_keys("top level", _table("scene", data), TABLES)
         data = gears_input.take_measured(data)
         settings = _table("scene", data.get("scene", {}))
         if "drive" in settings:
@@ -563,11 +774,16 @@ class Scene:
                 table = _table(f"scene.{name}", settings[name])
                 errors.check_keys(f"scene.{name}", table, (f.name for f in fields(kind)))
                 settings[name] = kind(**table)
+        if "wheels" in settings:
+            settings["wheels"] = [_read_wheel(table) for table in settings["wheels"]]
         if "gears" in data:
-            gears = gears_input.own_amplitude(_table("gears", data["gears"]), data.get("drive"))
+            table = gears_input.own_amplitude(_table("gears", data["gears"]), data.get("drive"))
             errors.check_keys("scene", settings, FREE)
-            pair = gears_input.read_gears(gears, settings.get("stages", 2))
-            drawn = gears_input.read_tolerance(gears, pair)
+            gears = gears_input.read_gears(table, settings.get("stages", 2), data.get("wheel"))
+            if gears.wheels and "stages" in settings:
+                why = "leave it out: there are as many as tables [[wheel]]"
+                raise InputError("scene.stages", settings["stages"], why)
+            drawn = gears_input.read_tolerance(table, gears)
             if drawn is not None:
                 if "tolerance" in settings:
                     raise InputError(
@@ -577,14 +793,15 @@ class Scene:
                     )
                 settings["tolerance"] = Tolerance(**drawn)
             if "drive" in data:
-                settings["drive"] = gears_input.read_drive(
-                    data["drive"], pair, gears.get("driver_radius")
-                )
-            return cls.from_gears(pair, **settings)
+                radius = table.get("driver_radius")
+                settings["drive"] = gears_input.read_drive(data["drive"], gears, radius)
+            return cls.from_gears(gears, **settings)
+        if "wheel" in data:
+            why = "needs [gears]; wheels of a scene without gears are tables [[scene.wheels]]"
+            raise InputError("wheel", data["wheel"], why)
         errors.check_keys("scene", settings, (f.name for f in fields(cls) if f.name != "gears"))
-        if missing := [
-            name for name in ("alpha", "epsilon", "beta1", "gamma1") if name not in settings
-        ]:
+        needed = ("alpha",) if "wheels" in settings else ("alpha", "epsilon", "beta1", "gamma1")
+        if missing := [name for name in needed if name not in settings]:
             raise InputError("scene", missing, "these keys are missing")
         if "drive" in data:
             settings["drive"] = gears_input.read_drive(data["drive"])
@@ -608,7 +825,8 @@ class Scene:
         ----------
         text : str
             With a ``[scene]`` table; or ``[gears]``, and ``[scene]`` with the fields that gears do
-            not fix.  Each order of the drive is a table ``[[drive]]``.
+            not fix.  Each of more than two loose wheels is a table ``[[wheel]]``, and each order of
+            the drive a table ``[[drive]]``.
 
         Returns
         -------
@@ -654,19 +872,33 @@ class Scene:
         return scene
 
 
-def _parameters_of(gears: Gears) -> dict[str, Any]:
-    """The parameters of the model that gears fix (docs/model.md section 1)."""
-    if not isinstance(gears, Gears):
-        raise InputError("gears", gears, "give Gears")
-    found: dict[str, Any] = {"alpha": gears.alpha, "epsilon": gears.epsilon, "gap1": 0.5}
-    for wheel in range(1, gears.wheels + 1):
-        found |= {f"beta{wheel}": gears.beta(wheel), f"gamma{wheel}": gears.gamma(wheel)}
-    return found if gears.wheels == 1 else found | {"mu": gears.mu, "gap2": gears.gap2}
+def _are_in_a_row(wheels: tuple[Wheel, ...], epsilon: float) -> bool:
+    """Whether wheels are the paper's one or two stages: in a row, nameless, with one restitution
+    and one radius each."""
+    parents = [wheel.parent for wheel in wheels]
+    plain = all(w.ratio == 1.0 and w.epsilon in (None, epsilon) and not w.name for w in wheels)
+    return plain and parents in ([0], [0, 1])
+
+
+def _as_table(wheel: Wheel) -> dict[str, Any]:
+    """A wheel as plain data; what is as by default is left out."""
+    defaults = {f.name: f.default for f in fields(Wheel)}
+    return {name: value for name, value in asdict(wheel).items() if value != defaults[name]}
+
+
+def _read_wheel(data: object) -> Wheel:
+    """A wheel from plain data."""
+    table = _table("scene.wheels", data)
+    errors.check_keys("scene.wheels", table, (f.name for f in fields(Wheel)))
+    return Wheel(**table)
 
 
 def _copy_with(part: Part, **changes: Any) -> Part:
     """A copy with changes that need no validation."""
     changed = copy(part)
+    if not changes.keys() <= UNRELATED:
+        for name in CACHED:
+            changed.__dict__.pop(name, None)
     changed.__dict__.update(changes)
     return changed
 

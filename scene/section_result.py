@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 from rattle.scene.errors import choice
 from rattle.scene.numpy_errors import numpy_defaults
 from rattle.scene.text import as_html
-from rattle.scene.types import SECTION
-from rattle.scene.units import as_dataset, in_units, units_of
+from rattle.scene.types import section_names
+from rattle.scene.units import as_dataset, in_units, unit_of_column
 
 if (
     TYPE_CHECKING
@@ -105,10 +105,11 @@ class SectionResult:
         from rattle.scene.plot import plot_section
 
         scene = self.scene
-        choice("quantity", quantity, SECTION[: 2 + 2 * scene.stages])
-        unit, factor = units_of(units, scene.gears)[quantity]
+        choice("quantity", quantity, section_names(scene.stages))
+        known = unit_of_column(quantity, units, scene.gears)
+        assert known is not None
         return plot_section(
-            self.section, quantity, unit, factor, f"{self._title}, sigma = {scene.sigma:.4g}"
+            self.section, quantity, *known, f"{self._title}, sigma = {scene.sigma:.4g}"
         )
 
     def to_xarray(self, units: str = "dimensionless") -> xr.Dataset:

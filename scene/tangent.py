@@ -13,8 +13,16 @@ import numpy as np
 
 from rattle.scene.compiled import internal, jit
 from rattle.scene.flight import field, jacobian
-from rattle.scene.impact import struck
-from rattle.scene.linear_algebra import add_outer, dot, norm, put, put_scaled, times_transposed
+from rattle.scene.impact import contact_matrix, strike
+from rattle.scene.linear_algebra import (
+    add_outer,
+    dot,
+    norm,
+    put,
+    put_scaled,
+    times,
+    times_transposed,
+)
 from rattle.scene.types import Constants, Floats, Ints
 
 SLOWEST_DIVISOR = 1e-150
@@ -28,18 +36,19 @@ class Stretch(NamedTuple):
     flight: Floats  # time since the last impact; (impacts,)
     phase: Floats  # time of the impact, modulo the period 2 pi of the excitation; (impacts,)
     code: Ints  # ``mesh * side``; (impacts,)
-    before: Floats  # ``(x1, y1, x2, y2)`` just before the impact; (impacts, 4)
-    # logarithmic growth of an orthonormal tangent frame since the last impact, along its four axes
-    # (two for a single stage, the others 0); minus infinity along an axis that the impact or the
-    # damping has reduced to zero; (impacts, 4)
+    before: Floats  # the state just before the impact; (impacts, 2 wheels)
+    # logarithmic growth of an orthonormal tangent frame since the last impact, along its axes;
+    # minus infinity along an axis that the impact or the damping has reduced to zero; (impacts,
+    # 2 wheels)
     growth: Floats
 
     @classmethod
-    def empty(cls, n: int) -> "Stretch":
+    def empty(cls, impacts: int, wheels: int) -> "Stretch":
         """Room for impacts; nothing has grown yet."""
-        return cls(
-            np.empty(n), np.empty(n), np.empty(n, np.int64), np.empty((n, 4)), np.zeros((n, 4))
-        )
+        shape = (impacts, 2 * wheels)
+        times_of = np.empty((2, impacts))
+        codes = np.empty(impacts, np.int64)
+        return cls(times_of[0], times_of[1], codes, np.empty(shape), np.zeros(shape))
 
     def first(self, impacts: int) -> "Stretch":
         """Keep the first impacts only."""
@@ -65,18 +74,18 @@ def land(rate: Floats, i: int, flown: Floats) -> Floats:
 
 
 @jit
-def saltation_matrix(c: Constants, mesh: int, tau: float, y1: float, y2: float) -> Floats:
+def saltation_matrix(c: Constants, mesh: int, tau: float, before: Floats) -> Floats:
     """``Xi`` of an impact.
 
-    Shapes: result (4, 4).
+    Shapes: `before` (2 wheels,), the state just before it; result (2 wheels, 2 wheels).
     """
-    z1, z2 = struck(c, mesh, y1, y2)
+    after = before.copy()
+    strike(c, mesh, after)
     # R (1 - F- g' / (g' F-)) + F+ g' / (g' F-)
-    xi = np.eye(4)
-    late = land(field(c, tau, y1, y2), 2 * (mesh - 1), xi)
-    for m in range(4):
-        xi[1, m], xi[3, m] = struck(c, mesh, xi[1, m], xi[3, m])
-    add_outer(xi, -1.0, field(c, tau, z1, z2), late)
+    xi = np.eye(before.size)
+    late = land(field(c, tau, before), 2 * (mesh - 1), xi)
+    xi = times(contact_matrix(c, mesh), xi)
+    add_outer(xi, -1.0, field(c, tau, after), late)
     return xi
 
 
@@ -139,12 +148,12 @@ def grow(c: Constants, frame: Floats, s: Stretch) -> None:
     Orthonormalised on both sides of an impact: the saltation matrix of a slow one is as large as 1
     / speed.
 
-    Shapes: `frame` (4, 4), a vector in each row.
+    Shapes: `frame` (2 wheels, 2 wheels), a vector in each row.
     """
-    size = 2 * c.stages
+    size = 2 * c.wheels.size
     for k in range(s.flight.size):
         mesh = abs(s.code[k])
-        xi = saltation_matrix(c, mesh, s.phase[k], s.before[k, 1], s.before[k, 3])
+        xi = saltation_matrix(c, mesh, s.phase[k], s.before[k])
         put(frame, times_transposed(frame, jacobian(c, s.flight[k])))
         _orthonormalise(frame, size, s.growth[k])
         put(frame, times_transposed(frame, xi))

@@ -9,7 +9,8 @@ from rattle.scene.drive import velocity_acceleration
 from rattle.scene.gears import KG_MM_PER_S2_PER_N
 from rattle.scene.numpy_errors import numpy_defaults
 from rattle.scene.scene import Scene, check_scene
-from rattle.scene.types import Constants
+from rattle.scene.sticking import lock
+from rattle.scene.types import BODY, Constants, Floats
 
 PULL_POINTS = 32  # points for each order of the drive, among which the largest pull is looked for
 ZOOMS = 6  # times that the place of the largest pull is looked for sixteen times as closely
@@ -21,13 +22,15 @@ class RattleThreshold(NamedTuple):
     Attributes
     ----------
     wheel : int
-        Which loose wheel, 1 or 2.
+        Which loose wheel, from 1 on.
     drag : float
         What the scene has: the drag torque in N mm, or ``gamma`` of a scene without gears.
     least : float
         The threshold, in the same unit.
     unit : str
         ``N mm``, or empty.
+    name : str
+        What a person calls the wheel: its name, or its number.
 
     Examples
     --------
@@ -41,6 +44,7 @@ class RattleThreshold(NamedTuple):
     drag: float
     least: float
     unit: str
+    name: str
 
     @property
     def opens(self) -> bool:
@@ -60,6 +64,9 @@ def rattle_threshold(scene: Scene) -> tuple[RattleThreshold, ...]:
     - at mesh 1, the same with the damping and the drag of both wheels as one body, ``(1 - mu)
       gamma1 + mu gamma2`` and ``(1 - mu) beta1 + mu beta2``.  What wheel 1 must have is stated for
       a wheel 2 that has its own threshold or more.
+
+    So it is in any gearbox, with the ratios of the radii on the way: all that is driven through a
+    mesh is one body, and wheels behind it have their own threshold or more.
 
     For ``f = sin`` the maximum is ``sqrt(1 + beta^2)``: the torque ``I amplitude omega^2 sqrt(1 +
     beta^2) / R``.  Below the threshold there is no rest.  Above it a motion that is at rest stays
@@ -88,27 +95,43 @@ def rattle_threshold(scene: Scene) -> tuple[RattleThreshold, ...]:
     (2.0, True)
     """
     check_scene(scene)
-    c = scene.constants
-    if scene.stages == 1:
-        found = [(c.gamma1, _largest_pull(c, c.beta1))]
-    else:
-        second = _largest_pull(c, c.beta2)
-        both = _largest_pull(c, (1.0 - c.mu) * c.beta1 + c.mu * c.beta2)
-        first = max((both - c.mu * max(c.gamma2, second)) / (1.0 - c.mu), 0.0)
-        found = [(c.gamma1, first), (c.gamma2, second)]
     gears = scene.gears
     out = []
-    for wheel, (gamma, least) in enumerate(found, 1):
+    c = scene.constants
+    values = zip(scene.wheel_names, c.wheels["gamma"], least_drags(c), strict=True)
+    for number, (name, gamma, threshold) in enumerate(values, 1):
         if gears is None:
-            out.append(RattleThreshold(wheel, gamma, least, ""))
+            out.append(RattleThreshold(number, float(gamma), float(threshold), "", name))
             continue
-        inertia, radius, torque = (
-            getattr(gears, f"{name}{wheel}") for name in ("inertia", "radius", "torque")
-        )
+        at = gears.tree[number - 1]
         # N mm of gamma = 1
-        newton = inertia * gears.backlash1 * gears.omega**2 / (KG_MM_PER_S2_PER_N * radius)
-        out.append(RattleThreshold(wheel, torque, least * newton, "N mm"))
+        unit = at.inertia * gears.units.length * gears.omega**2
+        newton = unit / (KG_MM_PER_S2_PER_N * at.radius)
+        out.append(RattleThreshold(number, at.torque, float(threshold) * newton, "N mm", name))
     return tuple(out)
+
+
+def least_drags(c: Constants) -> Floats:
+    """The ``gamma`` of each wheel from which on its closed teeth stay closed.
+
+    Shapes: result (wheels,).
+    """
+    wheels = c.wheels
+    bodies = np.empty(wheels.size, BODY)
+    lock(c, np.ones(wheels.size, np.int64), bodies)
+    # least: of each wheel; kept: of all that is locked below its mesh, each with its own threshold
+    # or more
+    least = np.empty(wheels.size)
+    kept = np.zeros(wheels.size)
+    for i in range(wheels.size - 1, -1, -1):
+        wheel = wheels[i]
+        below = kept[i]
+        needed = wheel.turn * _largest_pull(c, bodies[i].beta) * bodies[i].mass
+        least[i] = max((needed - below) / wheel.mass, 0.0)
+        if wheel.parent >= 0:
+            total = wheel.mass * max(wheel.gamma, least[i]) + below
+            kept[wheel.parent] += wheel.ratio * total
+    return least
 
 
 def _largest_pull(c: Constants, beta: float) -> float:

@@ -1,6 +1,7 @@
 """What everything here works with: arrays, names of the state, and the numbers of a scene for
 compiled code."""
 
+from operator import itemgetter
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -9,12 +10,22 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
+Wheels = Any
+"""An array of `WHEEL`, whose records have their fields as attributes."""
 
-STATE = ("x1", "y1", "x2", "y2")
-SECTION = ("tau", "flight", *STATE)
-"""The section quantities: those of a path just before its own k-th impact (a Poincaré section at
-the impacts)."""
 
+def state_names(wheels: int) -> tuple[str, ...]:
+    """``x1, y1, x2, y2, ...``: displacement in each gap and its rate."""
+    return tuple(f"{letter}{i}" for i in range(1, wheels + 1) for letter in "xy")
+
+
+def section_names(wheels: int) -> tuple[str, ...]:
+    """The section quantities: those of a path just before its own k-th impact (a Poincaré section
+    at the impacts)."""
+    return ("tau", "flight", *state_names(wheels))
+
+
+MOST_WHEELS = 32  # of a gearbox
 CUT = 2.0  # c_max in standard deviations of the normal distribution that is truncated there
 
 
@@ -40,21 +51,94 @@ SINE: tuple[()] = ()
 sum."""
 
 
+class WheelRecord(np.void):  # type: ignore[misc]  # numpy calls a base of it final
+    """A record whose fields are attributes in Python too; those of numpy's own are twenty times as
+    slow."""
+
+
+class BodyRecord(np.void):  # type: ignore[misc]
+    """As `WheelRecord`, of `BODY`."""
+
+
+WHEEL = np.dtype(
+    (
+        WheelRecord,
+        [
+            ("parent", np.int64),  # index of the wheel that it meshes with; -1 for the driver
+            ("drives", np.int64),  # whether another wheel meshes with it
+            ("sign", np.float64),  # of its own deviation in its gap: 1 or -1
+            ("ratio", np.float64),  # k: radius of the parent there over the parent's own
+            ("turn", np.float64),  # kappa: product of the ratios from the driver on
+            ("beta", np.float64),
+            ("gamma", np.float64),
+            ("wall", np.float64),  # half gap of the deterministic orbit
+            ("epsilon", np.float64),
+            ("mass", np.float64),  # at its own mesh, in units of that of wheel 1
+            ("share", np.float64),  # of the parent, of the change of the rate at an impact
+            # The gap obeys y' = -beta y + coupling v_p + drag + (alpha + sigma eta) (second f'' +
+            # first f'), v_p the deviation of the parent's speed
+            ("coupling", np.float64),
+            ("drag", np.float64),
+            ("second", np.float64),
+            ("first", np.float64),
+            # bounds of |f'' + beta f'| and of its rate, beta of the wheel or of a parent wheel
+            ("modulation", np.float64),
+            ("modulation_rate", np.float64),
+        ],
+    ),
+    align=True,
+)
+"""A loose wheel and its gap, for compiled code (docs/model.md section 2)."""
+
+Bodies = Any
+"""An array of `BODY`, one for each wheel."""
+BODY = np.dtype(
+    (
+        BodyRecord,
+        [
+            ("root", np.int64),  # first wheel of the body that it is locked into; -1: the driver
+            ("carry", np.float64),  # its speed over that of the root
+            # mass, beta, gamma: of all that is locked below its mesh, as one wheel there
+            ("mass", np.float64),
+            ("beta", np.float64),
+            ("gamma", np.float64),
+            ("speed", np.float64),  # u, at its own mesh
+            ("pull", np.float64),  # acceleration by damping and drag of all that is locked below
+            ("motion", np.float64),  # its acceleration, less the driver's
+            ("push", np.float64),  # see `rattle.scene.sticking.contact_motion`
+            # place, rate: deviations of its position and speed; kept: what its body keeps of them
+            ("place", np.float64),
+            ("rate", np.float64),
+            ("kept_place", np.float64),
+            ("kept_rate", np.float64),
+            ("offset", np.float64),  # of its position in its body
+        ],
+    ),
+    align=True,
+)
+"""What closed meshes make of a wheel, for compiled code (docs/model.md section 10)."""
+
+
+def _attribute(name: str) -> property:
+    """A field of a record as an attribute."""
+
+    def put(record: Any, value: float) -> None:
+        record[name] = value
+
+    return property(itemgetter(name), put)
+
+
+for field in WHEEL.names or ():
+    setattr(WheelRecord, field, _attribute(field))
+for field in BODY.names or ():
+    setattr(BodyRecord, field, _attribute(field))
+
+
 class Constants(NamedTuple):
     """The numbers of a scene, as a named tuple for compiled code (dimensionless)."""
 
-    # alpha, epsilon, beta1, beta2, gamma1, gamma2, mu, sigma, stages: as of `Scene`; ``beta2 =
-    # gamma2 = mu = 0`` for a single stage
     alpha: float
-    epsilon: float
-    beta1: float
-    beta2: float
-    gamma1: float
-    gamma2: float
-    mu: float
-    wall1: float  # wall1, wall2: half gaps of the deterministic orbit
-    wall2: float
     sigma: float
-    stages: int
+    wheels: Wheels  # of `WHEEL`, parents before their children; (wheels,)
     drive: Any = SINE  # `SINE` or `Orders`
     memory: float = 0.0  # correlation time of the noise; 0 for white noise

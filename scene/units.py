@@ -1,8 +1,10 @@
 """Physical units of the results of a gear pair: ms, mm, mm/s, impacts per second and mJ."""
 
+import re
 from collections.abc import Mapping
-from itertools import combinations_with_replacement
 from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
 
 from rattle.scene.errors import InputError, choice
 
@@ -13,8 +15,10 @@ if TYPE_CHECKING:  # a table is there before it is converted
 UNITS = ("dimensionless", "physical")
 """The systems of units in which results are given."""
 
-UNIT_PREFIXES = ("", "se_", "bias_", "sd_", "se_sd_", "bias_sd_")
-"""Prefixes of columns that have the unit of their quantity; skewness has none."""
+QUANTITY = re.compile(r"(?:se_|bias_)?(?:sd_)?(tau|flight|energy|[xy])[0-9]*")
+"""Columns that have the unit of their quantity; skewness has none."""
+COVARIANCE = re.compile(r"(?:se_)?cov_([xy])[0-9]+_([xy])[0-9]+")
+UNIT_OF_QUANTITY = {"tau": "ms", "flight": "ms", "energy": "mJ", "x": "mm", "y": "mm_per_s"}
 RATE = "impacts_per_s"
 """Column of the inverse of the mean time of flight."""
 PRODUCTS = {
@@ -43,30 +47,22 @@ class Units(NamedTuple):
     speed: float  # ``backlash1 omega``, in mm/s
     energy: float  # ``inertia1 / radius1^2 (backlash1 omega)^2``, in mJ
 
-    @property
-    def columns_of(self) -> dict[str, tuple[str, float]]:
-        """Name with its unit, and factor, of every column of a table of moments that has a
-        dimension."""
-        kinds = {"x": ("mm", self.length), "y": ("mm_per_s", self.speed)}
-        state = {f"{kind}{i}": unit for i in (1, 2) for kind, unit in kinds.items()}
-        quantities = {
-            "tau": ("ms", self.time),
-            "flight": ("ms", self.time),
-            "energy": ("mJ", self.energy),
-            **state,
-        }
-        found = {
-            p + q: (f"{p}{q}_{unit}", factor)
-            for q, (unit, factor) in quantities.items()
-            for p in UNIT_PREFIXES
-        }
-        for a, b in combinations_with_replacement(state, 2):
-            one, first = state[a]
-            other, second = state[b]
-            unit = PRODUCTS[min(one, other), max(one, other)]
-            name = f"cov_{a}_{b}"
-            found |= {p + name: (f"{p}{name}_{unit}", first * second) for p in ("", "se_")}
-        return found
+    def of_column(self, name: str) -> tuple[str, float] | None:
+        """Unit, as it ends the name of a column of a table of moments, and factor; None for a
+        column without a dimension."""
+        factors = {"ms": self.time, "mm": self.length, "mm_per_s": self.speed, "mJ": self.energy}
+        if quantity := QUANTITY.fullmatch(name):
+            unit = UNIT_OF_QUANTITY[quantity[1]]
+            return unit, factors[unit]
+        if pair := COVARIANCE.fullmatch(name):
+            one, other = sorted(UNIT_OF_QUANTITY[kind] for kind in pair.groups())
+            return PRODUCTS[one, other], factors[one] * factors[other]
+        return None
+
+    def name_of(self, column: str) -> str:
+        """The name of a column in physical units."""
+        known = self.of_column(column)
+        return f"{column}_{known[0]}" if known else column
 
     def convert(self, columns: Mapping[str, Any]) -> dict[str, Any]:
         """Convert the columns of a table of moments, of a section or at fixed times, to physical
@@ -76,13 +72,14 @@ class Units(NamedTuple):
         its name ends with its unit: ``tau_ms``, ``x1_mm``, ``y1_mm_per_s``, ``cov_x1_x1_mm2``,
         ``energy_mJ``.  After the mean time of flight stands its inverse, ``impacts_per_s``.
         """
-        known = self.columns_of
         converted = {}
         for name, values in columns.items():
-            shown, factor = known.get(name, (name, None))
-            converted[shown] = values if factor is None else values * factor
+            known = self.of_column(name)
+            shown = self.name_of(name)
+            converted[shown] = values * known[1] if known else values
             if name == "flight":
-                converted[RATE] = 1000.0 / converted[shown]
+                with np.errstate(divide="ignore"):  # an impact at once after the start
+                    converted[RATE] = 1000.0 / converted[shown]
         return converted
 
 
@@ -107,38 +104,34 @@ def in_units(columns: Mapping[str, Any], gears: Any, units: str) -> dict[str, An
     )
 
 
-def units_of(units: str, gears: Any) -> dict[str, tuple[str, float]]:
-    """Unit, as it is written, and factor of the columns of a section table that have a
+def unit_of_column(name: str, units: str, gears: Any) -> tuple[str, float] | None:
+    """Unit, as it is written, and factor of a column of a section table; None for one without a
     dimension."""
     physical = check_units(units, gears) == "physical"
-    found = {}
-    for name, (shown, factor) in (
-        gears.units if physical else Units(1.0, 1.0, 1.0, 1.0)
-    ).columns_of.items():
-        unit = shown.removeprefix(f"{name}_")
-        if not name.startswith(("cov_", "se_cov_")):
-            found[name] = (unit.replace("_per_", "/") if physical else DIMENSIONLESS[unit], factor)
-    return found
+    known = (gears.units if physical else Units(1.0, 1.0, 1.0, 1.0)).of_column(name)
+    if known is None:
+        return None
+    unit, factor = known
+    return unit.replace("_per_", "/") if physical else DIMENSIONLESS[unit], factor
 
 
 def as_dataset(table: "pd.DataFrame", units: str, gears: Any) -> "xr.Dataset":
     """A section table as an xarray dataset: a variable for each column, with its unit in
     ``attrs``."""
-    known = units_of(units, gears)
-    factors = {name: known[name] for name in table if name in known}
-    data = table.assign(
-        **{name: table[name] * factor for name, (_, factor) in factors.items()}
-    ).to_xarray()
+    known = {name: unit_of_column(str(name), units, gears) for name in table}
+    changed = {str(name): table[name] * unit[1] for name, unit in known.items() if unit}
+    data = table.assign(**changed).to_xarray()
     for name, variable in data.items():
-        variable.attrs["units"] = known[name][0] if name in known else "1"
+        unit = known[name]
+        variable.attrs["units"] = unit[0] if unit else "1"
     return data
 
 
 def with_units(data: "xr.Dataset") -> "xr.Dataset":
     """A dimensionless dataset with the unit of each quantity in the attributes of its dimension
     ``quantity``."""
-    known = units_of("dimensionless", None)
-    data["quantity"].attrs |= {name: known[name][0] for name in data["quantity"].values}
+    units = {name: unit_of_column(name, "dimensionless", None) for name in data["quantity"].values}
+    data["quantity"].attrs |= {name: unit[0] for name, unit in units.items() if unit}
     return data
 
 

@@ -3,7 +3,8 @@
 
 A component is a weight and a Gaussian of the section state after an impact, as in the saltation
 closure.  The noise of the next flight is added at its start, so that the next impact is a function
-of a point in five dimensions, or in nine where flanks are random.  Components are split
+of a point in 1 + 2 wheels dimensions, or in 1 + 4 wheels where flanks are random.  Components are
+split
 (`rattle.closure.branching.advance`), propagated to the impact
 (`rattle.closure.branching.propagate`), and merged after it (`rattle.closure.branching.mixture`).
 How many there may be is the closure's resolution: it is followed at two of the `RESOLUTIONS` at
@@ -21,10 +22,10 @@ import numpy as np
 from rattle.closure.branching.advance import Level
 from rattle.closure.branching.fixed_times import FixedTimes
 from rattle.closure.branching.mixture import moments
-from rattle.closure.moments import ERROR_PER_SLOW_SHARE, Trace, bounds, within
-from rattle.closure.section_map import PLAIN_COMPONENTS
-from rattle.scene import Floats, Scene
+from rattle.closure.moments import ERROR_PER_SLOW_SHARE, Trace, bounds, check_white, within
+from rattle.scene import Floats, InputError, Scene
 from rattle.scene.orbit import follow
+from rattle.scene.types import MOST_WHEELS
 
 RESOLUTIONS = (
     Level(10, 18, 1e-2, 3e-3),
@@ -33,6 +34,19 @@ RESOLUTIONS = (
     Level(80, 600, 1e-4, 1e-6),
 )
 """Resolutions of the closure, the coarsest first."""
+
+
+MOST_WHEELS_FOLLOWED = 16
+"""Most wheels: the work of a component grows with the fourth power of their number."""
+
+
+def check(scene: Scene) -> None:
+    """Refuse what its components do not cover: too many wheels, noise with a memory."""
+    wheels = len(scene.tree)
+    if wheels > MOST_WHEELS_FOLLOWED:
+        why = f"branching follows at most {MOST_WHEELS_FOLLOWED} wheels; use saltation, or simulate"
+        raise InputError("wheels", wheels, why)
+    check_white(scene)
 
 
 def trace(scene: Scene, impacts: int, order: int, tolerance: float | None = None) -> Trace:
@@ -47,17 +61,16 @@ def trace(scene: Scene, impacts: int, order: int, tolerance: float | None = None
     the shares of paths on the orbit's itinerary, the probability discarded and the bounds of its
     own errors.
     """
-    unit = 2.0 ** math.frexp(scene.constants.wall1)[1]
+    wheels = scene.constants.wheels
+    unit = 2.0 ** math.frexp(wheels[0].wall)[1]
     scaled = scene.scaled(1.0 / unit)
     found = _refine(scaled, impacts, order, tolerance)
-    lengths = np.array([1.0, 1.0, unit, unit, unit, unit])
+    lengths = np.append([1.0, 1.0], np.full(2 * wheels.size, unit))
     parts = {k: (w, m * lengths, v * lengths**2) for k, (w, m, v) in (found.parts or {}).items()}
     at = partial(_in_unit, found.at, unit)
-    followed = (
-        None
-        if found.followed is None
-        else found.followed * np.array([lengths, lengths, np.ones(6)])[:, None]
-    )
+    # of mean, sd and skewness
+    units = np.array([lengths, lengths, np.ones(lengths.size)])[:, None]
+    followed = None if found.followed is None else found.followed * units
     return replace(
         found, mean=found.mean * unit, sd=found.sd * lengths, parts=parts, at=at, followed=followed
     )
@@ -99,13 +112,16 @@ def _trace(scene: Scene, impacts: int, order: int, level: Level) -> Trace:
     after = run.after
     section = b.image.section
     flight = b.image.flight
+    states = orbit.before.shape[1]
+    wheels = states // 2
+    codes = [code for code in range(-wheels, wheels + 1) if code != 0]
     tau, agreement, discarded_at = np.full((3, impacts + 1), np.nan)
-    mean = np.full((impacts + 1, 4), np.nan)
-    covariance = np.full((impacts + 1, 4, 4), np.nan)
-    sd, skew = np.full((2, impacts + 1, 6), np.nan)
-    doubted = np.zeros((impacts + 1, 2, 6))
+    mean = np.full((impacts + 1, states), np.nan)
+    covariance = np.full((impacts + 1, states, states), np.nan)
+    sd, skew = np.full((2, impacts + 1, 2 + states), np.nan)
+    doubted = np.zeros((impacts + 1, 2, 2 + states))
     bent = np.zeros(impacts + 1)
-    followed = np.full((3, impacts + 1, 6), np.nan)
+    followed = np.full((3, impacts + 1, 2 + states), np.nan)
     mesh, side = np.zeros((2, impacts + 1), np.int64)
     tau[0] = orbit.tau[0]
     mean[0] = orbit.before[0]
@@ -114,7 +130,7 @@ def _trace(scene: Scene, impacts: int, order: int, level: Level) -> Trace:
     agreement[0] = 1.0
     discarded_at[0] = 0.0
     slow, residual = np.zeros((2, impacts + 1))
-    carried = np.zeros((impacts + 1, 6))
+    carried = np.zeros((impacts + 1, 2 + states))
     found = impacts
     flights = np.zeros(impacts + 1, np.int64)
     parts: dict[int, tuple[Floats, Floats, Floats]] = {}
@@ -134,9 +150,9 @@ def _trace(scene: Scene, impacts: int, order: int, level: Level) -> Trace:
         w = after.weight[:count]
         s = section.mean[:count]
         diagonal = np.diagonal(section.covariance[:count], axis1=1, axis2=2)
-        values = np.column_stack([s[:, 0], flight[:count, 0], s[:, 1:PLAIN_COMPONENTS]])
+        values = np.column_stack([s[:, 0], flight[:count, 0], s[:, 1 : 1 + states]])
         variances = np.column_stack(
-            [diagonal[:, 0], flight[:count, 1], diagonal[:, 1:PLAIN_COMPONENTS]]
+            [diagonal[:, 0], flight[:count, 1], diagonal[:, 1 : 1 + states]]
         )
         parts[k] = w / w.sum(), values, variances
         centre, sd[k], skew[k] = moments(w, values, variances)
@@ -145,9 +161,9 @@ def _trace(scene: Scene, impacts: int, order: int, level: Level) -> Trace:
         doubted[k] = _doubted(w, after.doubt[:count], values - centre, variances)
         bent[k] = w @ after.bent[:count] / w.sum()
         carried[k] = _average(w, values - centre, variances, np.repeat(b.slow[:flown], 2)[struck])
-        code = max((-2, -1, 1, 2), key=lambda a: w[section.label[:count] == a].sum())
+        code = max(codes, key=lambda a: w[section.label[:count] == a].sum())
         mesh[k], side[k] = abs(code), np.sign(code)
-        on = after.label[:count] > 2
+        on = after.label[:count] > MOST_WHEELS
         agreement[k] = min(w[on].sum(), 1.0)
         discarded_at[k] = run.discarded
         if on.any():
@@ -159,7 +175,7 @@ def _trace(scene: Scene, impacts: int, order: int, level: Level) -> Trace:
         if found == impacts
         else f"more than half of the probability is discarded after impact {found}"
     )
-    raw = np.full((impacts + 1, 2, order + 1, order + 1), np.nan)
+    raw = np.full((impacts + 1, wheels, order + 1, order + 1), np.nan)
     whole = Trace(tau, mesh, side, mean, sd, skew, covariance, raw, at, found, stopped, parts)
     seen = replace(
         whole, agreement=agreement, discarded=discarded_at, followed=followed, flown=flights

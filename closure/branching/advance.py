@@ -18,13 +18,14 @@ import numpy as np
 from rattle.closure.branching import propagate as component
 from rattle.closure.branching.mixture import Mixture, empty, reduce
 from rattle.closure.branching.propagate import Image
-from rattle.closure.section_map import PLAIN_COMPONENTS, column, redrawn_variances, start_pieces
+from rattle.closure.section_map import column, plain_size, redrawn_variances, start_pieces
 from rattle.scene import Constants, Floats, Ints, Scene
 from rattle.scene import linear_algebra as linalg
 from rattle.scene.compiled import internal, jit, splice
 from rattle.scene.flight import jacobian, noise_covariance, noise_rate
 from rattle.scene.impact import contact_matrix
 from rattle.scene.orbit import Orbit
+from rattle.scene.types import MOST_WHEELS
 
 LEAST_WEIGHT_BEYOND = 1e-6  # weight beyond a boundary that need not be found
 LIGHT = 1e-4  # weight of a component above which boundaries are searched for
@@ -37,7 +38,9 @@ SKEWED = 3.0 * math.sqrt(2.0)
 SHARE_LEFT_BY_SPLIT = 0.05  # share of the square of that ratio that a split in three leaves
 EARLY = 0.6  # relative error of a weight, per logarithm of what the noise until then takes off it
 MOST_DOUBT = 2.0  # largest relative error of a weight
-ON_ORBIT = 10  # added to the label of a component whose itinerary is the orbit's
+# added to the label of a component whose itinerary is the orbit's; other labels are at most
+# `MOST_WHEELS`
+ON_ORBIT = 3 * MOST_WHEELS
 
 
 class Level(NamedTuple):
@@ -70,7 +73,7 @@ class Buffers(NamedTuple):
     doubt: Floats
 
 
-def buffers(size: int, d: int = PLAIN_COMPONENTS) -> Buffers:
+def buffers(size: int, d: int) -> Buffers:
     """Empty arrays for the components of a flight."""
     image = Image(empty(2 * size, d), np.zeros((2 * size, 2)), np.zeros((2 * size, d)))
     ignored, beyond, parent = np.zeros((3, size), np.int64)
@@ -99,10 +102,13 @@ def buffers(size: int, d: int = PLAIN_COMPONENTS) -> Buffers:
 def _slow(c: Constants, e: Floats, t: float, code: int, before: Floats) -> float:
     """Share of the squared impact speed that the noise of the flight makes; near 1 no Gaussian
     describes the return."""
-    m1, m2 = noise_rate(c, e[0] + t)
-    rate, speed = (m1, before[1]) if abs(code) == 1 else (m2, before[3])
+    if code == 0:
+        return 0.0
+    i = abs(code) - 1
+    rate = noise_rate(c, e[0] + t, i)
+    speed = before[2 * i + 1]
     made = c.sigma * c.sigma * rate * rate * t
-    return made / (made + speed * speed) if code != 0 and made > 0.0 else 0.0
+    return made / (made + speed * speed) if made > 0.0 else 0.0
 
 
 @internal
@@ -133,7 +139,7 @@ def _examine(c: Constants, b: Buffers, i: int, level: Level, before: Floats) -> 
     centre = start.mean[i]
     bent = start.bent[i]
     doubt = start.doubt[i]
-    rank, full = component.root(start.covariance[i])
+    rank, full = component.root(start.covariance[i], plain_size(c))
     axes = full[:, :rank].copy()
     t, code = component.event(c, centre, before)
     b.slow[i] = _slow(c, centre, t, code, before)
@@ -152,11 +158,13 @@ def _examine(c: Constants, b: Buffers, i: int, level: Level, before: Floats) -> 
             depth = 1.0 / length
             v = linalg.apply(axes, n)
             last = start.label[i]
-            last -= ON_ORBIT if last > 2 else 0
+            last -= ON_ORBIT if last > MOST_WHEELS else 0
             there = linalg.beyond(centre, 1.01 * depth, v)
             own = component.own_spread(c, centre, axes, there, b.time[b.parent[i]], last, before)
             if depth > reach * own:
-                b.ignored[i] |= 1 << (other + 2)  # the noise until that impact does not lead to it
+                b.ignored[i] |= component.mark(
+                    c, other
+                )  # the noise until that impact does not lead to it
                 depth = 0.0
             elif depth > TAIL_DISTANCE:
                 cut = depth
@@ -227,13 +235,13 @@ def _doubles(c: Constants, ignored: int, centre: Floats, axis: Floats, before: F
         return False
     for side in (-1.0, 1.0):
         end = linalg.beyond(centre, side * component.THIRD_CENTRE, axis)
-        if ignored & (1 << (component.event(c, end, before)[1] + 2)):
+        if ignored & component.mark(c, component.event(c, end, before)[1]):
             return True
     return False
 
 
 @splice
-def _cut(b: Buffers, i: int, count: int) -> int:
+def _cut(c: Constants, b: Buffers, i: int, count: int) -> int:
     """Replace component `i` by two or three across its axis, the others from `count` on; returns
     the new count."""
     parts = b.start
@@ -272,8 +280,8 @@ def _cut(b: Buffers, i: int, count: int) -> int:
         ignored[at] = seen
     if pieces == 2:
         doubts[count] = math.hypot(doubts[count], b.doubt[i])
-        ignored[count] |= 1 << (section.label[2 * i] + 2)
-        ignored[i] |= 1 << (b.beyond[i] + 2)
+        ignored[count] |= component.mark(c, section.label[2 * i])
+        ignored[i] |= component.mark(c, b.beyond[i])
     return count + pieces - 1
 
 
@@ -290,17 +298,21 @@ def add_noise(
 
     `flown`: Takes the time of each component's flight.
     """
-    before = np.empty(4)
+    states = 2 * c.wheels.size
+    before = np.empty(states)
+    fastest = 0.0
+    for i in range(c.wheels.size):
+        fastest = max(fastest, c.wheels[i].beta)
     discarded = 0.0
     for i in range(live):
         t, code = component.event(c, mean[i], before)
-        if code != 0 and t * max(c.beta1, c.beta2) > DAMPED:
+        if code != 0 and t * fastest > DAMPED:
             discarded += weight[i]
             weight[i] = 0.0
         elif code != 0:
             noise = linalg.congruence(jacobian(c, -t), noise_covariance(c, mean[i, 0], t))
-            for m in range(4):
-                for n in range(4):
+            for m in range(states):
+                for n in range(states):
                     covariance[i, 1 + m, 1 + n] += noise[m, n]
         flown[i] = t
     return discarded
@@ -313,7 +325,7 @@ def fly(c: Constants, live: int, b: Buffers, level: Level) -> int:
     `b`: Components in ``b.start``, with the noise of the flight; their images are written to
     ``b.image``.
     """
-    before = np.empty(4)
+    before = np.empty(2 * c.wheels.size)
     error = b.error
     # seen: components examined already, except the last one that was split
     count = live
@@ -334,7 +346,7 @@ def fly(c: Constants, live: int, b: Buffers, level: Level) -> int:
                 break
             error[last] = 0.0
         if splits:
-            count = _cut(b, last, count)
+            count = _cut(c, b, last, count)
     return count
 
 
@@ -353,7 +365,7 @@ def _strike(
 
     The labels of `after` are the impact, ``mesh * side``, plus `ON_ORBIT` if the `itinerary` of the
     component is still the orbit's, whose impact is `own`.  `redrawn` has the variances of the
-    deviations of +1, -1, +2, -2 that contacts draw anew; it is empty if none are.
+    deviations of +1, -1, +2, -2, ... that contacts draw anew; it is empty if none are.
     """
     section = image.section
     means = section.mean
@@ -380,15 +392,17 @@ def _strike(
         linalg.put_row(mean, linalg.apply(hit, means[i]))
         linalg.put(spread, linalg.congruence(hit, spreads[i]))
         if redrawn.size > 0:
-            flank = column(abs(code), -code)
+            flank = column(c.wheels.size, abs(code), -code)
             mean[flank] = 0.0
             for k in range(mean.size):  # nothing is known of a deviation that is drawn anew
                 spread[flank, k] = spread[k, flank] = 0.0
-            spread[flank, flank] = redrawn[flank - PLAIN_COMPONENTS]
+            spread[flank, flank] = redrawn[flank - plain_size(c)]
         after.weight[kept] = w
         after.bent[kept] = section.bent[i]
         after.doubt[kept] = section.doubt[i]
-        after.label[kept] = code + (ON_ORBIT if itinerary[i // 2] > 2 and code == own else 0)
+        after.label[kept] = code + (
+            ON_ORBIT if itinerary[i // 2] > MOST_WHEELS and code == own else 0
+        )
         kept += 1
     return kept, discarded
 
@@ -397,9 +411,10 @@ class Advance:
     """The mixture on its way; each impact is a call of `fly`, one of `strike`, and one of `merge`.
 
     `buffers`: components in flight, and their images. `after`: components after the impact, not
-    merged yet. `live, flown, kept`: number of components after merging, after splitting, and after
-    the impact. `struck, merged`: number of impacts so far, and of those after which components were
-    merged. `discarded`: probability discarded so far.
+    merged yet. `most`: how many may be left after merging. `live, flown, kept`: number of
+    components after merging, after splitting, and after the impact. `struck, merged`: number of
+    impacts so far, and of those after which components were merged. `discarded`: probability
+    discarded so far.
     """
 
     def __init__(self, scene: Scene, orbit: Orbit, level: Level) -> None:
@@ -411,13 +426,16 @@ class Advance:
         first = start_pieces(scene)
         self.live, d = first.mean.shape
         self.flown = self.kept = self.struck = self.merged = 0
-        size = max(level.cut, self.live)
+        plain = plain_size(self.constants)
+        # after an impact there are at most so many labels: mesh * side, and the orbit's
+        self.most = max(level.components, plain)
+        size = max(level.cut, self.live, self.most)
         self.buffers, self.after = buffers(size, d), empty(2 * size, d)
         start = self.buffers.start
         start.weight[: self.live] = first.weight
         start.label[: self.live] = ON_ORBIT
         start.mean[: self.live] = first.mean
-        start.mean[: self.live, :PLAIN_COMPONENTS] += np.array([orbit.tau[0], *orbit.after[0]])
+        start.mean[: self.live, :plain] += np.array([orbit.tau[0], *orbit.after[0]])
         start.covariance[: self.live] = first.variance
 
     def fly(self) -> Mixture:
@@ -446,5 +464,5 @@ class Advance:
 
     def merge(self) -> None:
         """Merge the components that lie together after the impact."""
-        self.live = reduce(self.after, self.kept, self.level.components, self.buffers.start)
+        self.live = reduce(self.after, self.kept, self.most, self.buffers.start)
         self.merged += 1

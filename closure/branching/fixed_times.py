@@ -15,7 +15,7 @@ import numpy as np
 from rattle.closure.branching.advance import Advance, Buffers, Level
 from rattle.closure.branching.mixture import Mixture
 from rattle.closure.branching.propagate import event, half
-from rattle.closure.section_map import PLAIN_COMPONENTS, start_covariance
+from rattle.closure.section_map import plain_size, start_covariance
 from rattle.scene import Constants, Floats, Ints, Scene
 from rattle.scene.compiled import internal, jit, splice
 from rattle.scene.flight import flow, jacobian, noise_covariance
@@ -25,6 +25,7 @@ from rattle.scene.linear_algebra import (
     congruence,
     eigen,
     put,
+    put_row,
     put_scaled,
     times,
     transform,
@@ -81,7 +82,7 @@ def _regressions(c: Constants, whole: Mixture) -> tuple[Floats, Floats]:
     n, d = whole.mean.shape
     inverse = np.zeros((n, d, d))
     flown = np.zeros(n)
-    before = np.empty(4)
+    before = np.empty(2 * c.wheels.size)
     for i in range(n):
         t, code = event(c, whole.mean[i], before)
         flown[i] = t if code != 0 else 0.0
@@ -156,26 +157,27 @@ def _at(
     d = mean.size
     done = min(max(time - mean[0], 0.0), t)
     # derivative of the state at the start, with the noise up to `time` only
-    turned = np.zeros((4, d))
-    for i in range(4):
+    plain = plain_size(c)
+    turned = np.zeros((plain - 1, d))
+    for i in range(plain - 1):
         turned[i, 1 + i] = 1.0
     put(spread, congruence(turned, covariance))
-    start = mean[1:PLAIN_COMPONENTS].copy()
+    start = mean[1:plain].copy()
     if done < t:
         rest = congruence(jacobian(c, -t), noise_covariance(c, centre[0] + done, t - done))
-        gain = times(rest, regression[1:PLAIN_COMPONENTS])
+        gain = times(rest, regression[1:plain])
         back = apply(gain, beyond(mean, -1.0, centre))
-        for i in range(4):
+        for i in range(plain - 1):
             start[i] -= back[i]
             for j in range(d):
                 turned[i, j] -= gain[i, j]
         put(spread, congruence(turned, covariance))
-        known = times(gain[:, 1:PLAIN_COMPONENTS].copy(), rest)
-        for i in range(4):
-            for j in range(4):
+        known = times(gain[:, 1:plain].copy(), rest)
+        for i in range(plain - 1):
+            for j in range(plain - 1):
                 spread[i, j] += rest[i, j] - known[i, j]
     left = time - mean[0]
-    out[0], out[1], out[2], out[3] = flow(c, mean[0], start[0], start[1], start[2], start[3], left)
+    put_row(out, flow(c, mean[0], start, left))
     put(spread, congruence(jacobian(c, left), spread))
 
 
@@ -257,14 +259,14 @@ class FixedTimes:
         """Begin at the start of an orbit, before the first flight."""
         self.constants = scene.constants
         self.orbit = orbit
-        self.start = start_covariance(scene)[1:PLAIN_COMPONENTS, 1:PLAIN_COMPONENTS].copy()
+        plain = plain_size(scene.constants)
+        self.start = start_covariance(scene)[1:plain, 1:plain].copy()
         self.most = FURTHER[0] * impacts + FURTHER[1]
         self.run = Advance(scene, orbit, level)
         self.flights: list[InFlight] = []
 
     def __call__(self, time: float) -> tuple[Floats, Floats]:
-        """Mean and covariance of the state at a local time, shapes (4,) and (4, 4); NaN where
-        `LACKING`.
+        """Mean and covariance of the state at a local time; NaN where `LACKING`.
 
         Until a path has struck, they are those of the one flight that all paths are on.
         """
@@ -278,7 +280,7 @@ class FixedTimes:
         weight, mean, covariance = self.gaussians(time)
         total = weight.sum()
         if abs(total - 1.0) > LACKING:
-            return np.full(4, np.nan), np.full((4, 4), np.nan)
+            return np.full(mean.shape[1], np.nan), np.full(covariance.shape[1:], np.nan)
         share = weight / total
         centre = mean[0] + share @ (mean - mean[0])
         off = mean - centre
@@ -292,13 +294,14 @@ class FixedTimes:
         """The mixture of states at a local time: weights, means and covariances; the weights sum to
         nearly 1."""
         found = []
+        states = len(self.start)
         for k in range(self.most):
             if k == len(self.flights) and not self._follow():
                 break
             n = 3 * self.flights[k].weight.size
             weight = np.zeros(n)
-            mean = np.zeros((n, 4))
-            covariance = np.zeros((n, 4, 4))
+            mean = np.zeros((n, states))
+            covariance = np.zeros((n, states, states))
             started = _add(self.constants, self.flights[k], time, weight, mean, covariance)
             found.append((weight[weight > 0.0], mean[weight > 0.0], covariance[weight > 0.0]))
             if started < MOST_BEYOND_LAST_FLIGHT:

@@ -4,7 +4,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rattle.closure.section_map import PLAIN_COMPONENTS
 from rattle.scene import Floats, Ints
 from rattle.scene.compiled import internal, jit, splice
 from rattle.scene.linear_algebra import eigen, largest
@@ -22,10 +21,11 @@ class Mixture(NamedTuple):
     doubt: Floats  # relative error of the weight; (components,)
 
 
-def empty(size: int, d: int = PLAIN_COMPONENTS) -> Mixture:
+def empty(size: int, d: int) -> Mixture:
     """A mixture of zeros, to be filled.
 
-    `d`: Size of the section state ``(tau, x1, y1, x2, y2)``: 5, or 9 with the flanks.
+    `d`: Size of the section state ``(tau, x1, y1, ...)``: 1 + 2 wheels, or 1 + 4 wheels with the
+    flanks.
     """
     weight, bent, doubt = np.zeros((3, size))
     return Mixture(

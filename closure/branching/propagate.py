@@ -1,9 +1,9 @@
 """A Gaussian component: its axes, the boundary to another next impact, and its image there, to
 second order.
 
-The next impact is a function of a point ``e = (tau, x1, y1, x2, y2)``, with the deviations of the
-flanks where they vary; a Gaussian component is a centre and a square root of its covariance, the
-`axes`.
+The next impact is a function of a point ``e = (tau, x1, y1, x2, y2, ...)``, with the deviations of
+the flanks where they vary, d numbers in all; a Gaussian component is a centre and a square root of
+its covariance, the `axes`.
 """
 
 import math
@@ -13,11 +13,11 @@ import numpy as np
 
 from rattle.closure.branching.mixture import Mixture
 from rattle.closure.section_map import (
-    PLAIN_COMPONENTS,
     between,
     column,
     derivatives,
     linearise_flight,
+    plain_size,
 )
 from rattle.scene import Constants, Floats
 from rattle.scene import linear_algebra as linalg
@@ -52,20 +52,18 @@ def _return(
     Noise that is moved back to the start of a flight puts it on either side of the wall that was
     just left, and `next_impact` takes what is beyond a wall as if it were at it.
 
-    Shapes: `e` (5,) or (9,); `start`, `before` (4,).
+    Shapes: `e` (d,); `start`, `before` (2 wheels,).
     """
-    i, wall = (0, c.wall1) if mesh == 1 else (2, c.wall2)
+    i = 2 * mesh - 2
+    wall = c.wheels[mesh - 1].wall
     t = late
     for _ in range(NEWTON_RETURNS):
-        x1, y1, x2, y2 = flow(c, e[0], start[0], start[1], start[2], start[3], t)
-        beyond = side * (x1 if mesh == 1 else x2) - wall
-        speed = side * (y1 if mesh == 1 else y2)
+        state = flow(c, e[0], start, t)
+        beyond = side * state[i] - wall
+        speed = side * state[i + 1]
         if speed <= 0.0:  # it turns around beyond the wall
             break
-        before[0] = x1
-        before[1] = y1
-        before[2] = x2
-        before[3] = y2
+        linalg.put_row(before, state)
         before[i] = side * wall
         late = t
         t = t - beyond / speed
@@ -78,45 +76,40 @@ def _return(
 def event(c: Constants, e: Floats, before: Floats) -> tuple[float, int]:
     """The next impact from a point.
 
-    Shapes: `e` (5,) or (9,); `before` (4,).
+    Shapes: `e` (d,); `before` (2 wheels,).
     """
-    middle1 = middle2 = 0.0
-    if e.size > PLAIN_COMPONENTS:
-        c, middle1, middle2 = between(c, e)
-    start = np.array([e[1] - middle1, e[2], e[3] - middle2, e[4]])
-    t, mesh, side, x1, y1, x2, y2 = next_impact(
-        c, e[0], start[0], start[1], start[2], start[3], LONGEST_FLIGHT
-    )
-    before[0] = x1
-    before[1] = y1
-    before[2] = x2
-    before[3] = y2
-    if t > 0.0 and (
-        (mesh == 1 and side * start[0] > c.wall1) or (mesh == 2 and side * start[2] > c.wall2)
-    ):
+    middle = np.zeros(c.wheels.size)
+    if e.size > plain_size(c):
+        c = between(c, e, middle)
+    start = e[1 : plain_size(c)].copy()
+    for i in range(middle.size):
+        start[2 * i] -= middle[i]
+    t, mesh, side, state = next_impact(c, e[0], start, LONGEST_FLIGHT)
+    linalg.put_row(before, state)
+    if t > 0.0 and mesh > 0 and side * start[2 * mesh - 2] > c.wheels[mesh - 1].wall:
         t = _return(c, e, start, mesh, side, t, before)
-    before[0] += middle1
-    before[2] += middle2
+    for i in range(middle.size):
+        before[2 * i] += middle[i]
     return t, (mesh * side if mesh > 0 else 0)
 
 
 @internal
-def root(sigma: Floats) -> tuple[int, Floats]:
+def root(sigma: Floats, plain: int) -> tuple[int, Floats]:
     """Square root of a covariance by its principal axes.
 
     Components of the flanks are scaled differently before the eigendecomposition: two flanks of
     equal variance have no unique principal axes, and rounding would choose them.  The sign of each
     axis is fixed too.
 
-    Shapes: `sigma` (d, d); `axes` (d, d).
+    `plain`: Components that are not of the flanks. Shapes: `sigma` (d, d); `axes` (d, d).
     """
     d = sigma.shape[0]
     weight = np.ones(d)
     weighed = sigma
-    if d > PLAIN_COMPONENTS:
+    if d > plain:
         weighed = np.empty((d, d))
-        for i in range(PLAIN_COMPONENTS, d):
-            weight[i] += (i - PLAIN_COMPONENTS) / 8.0
+        for i in range(plain, d):
+            weight[i] += (i - plain) / 8.0
         for i in range(d):
             for k in range(d):
                 weighed[i, k] = weight[i] * sigma[i, k] * weight[k]
@@ -134,6 +127,13 @@ def root(sigma: Floats) -> tuple[int, Floats]:
                 )
             rank += 1
     return rank, columns
+
+
+@internal
+def mark(c: Constants, code: int) -> int:
+    """The bit of an impact, ``mesh * side`` or 0 for none, in a mask of impacts."""
+    bit: int = 1 << (code + c.wheels.size)
+    return bit
 
 
 @internal
@@ -167,7 +167,7 @@ def _boundary(
         else:
             high = middle
             found = met
-    if ignored & (1 << (found + 2)):
+    if ignored & mark(c, found):
         return np.inf, code
     return max(high, 1e-3), found
 
@@ -189,7 +189,7 @@ def cut_plane(
     (Hasofer and Lind 1974): from the best axis, along the normal of the plane through nearby points
     of the boundary.
 
-    Shapes: `centre` (d,); `axes` (d, rank); `before` (4,); `q` (rank,).
+    Shapes: `centre` (d,); `axes` (d, rank); `before` (2 wheels,); `q` (rank,).
     """
     rank = axes.shape[1]
     far = 1.6 * reach  # a slanted plane within reach cuts one of the axes there
@@ -256,20 +256,21 @@ def _passing(
     """Derivatives along the axes of the distance by which a flight of time `t`, to a state
     `before`, passes a wall.
 
-    Shapes: `centre` (d,); `axes` (d, rank); `before` (4,); result (rank,).
+    Shapes: `centre` (d,); `axes` (d, rank); `before` (2 wheels,); result (rank,).
     """
     mesh = abs(code)
     side = 1 if code > 0 else -1
-    i = 0 if mesh == 1 else 2
+    i = 2 * mesh - 2
     flown = jacobian(c, t)[i]
-    early = before[i + 1] - linalg.dot(flown, field(c, centre[0], centre[2], centre[4]))
+    plain = plain_size(c)
+    early = before[i + 1] - linalg.dot(flown, field(c, centre[0], centre[1:plain]))
     passing = np.zeros(axes.shape[1])
     for k in range(passing.size):
-        for m in range(4):
+        for m in range(flown.size):
             passing[k] += flown[m] * axes[1 + m, k]
         passing[k] += early * axes[0, k]
-        if centre.size > PLAIN_COMPONENTS:
-            passing[k] -= side * axes[column(mesh, side), k]
+        if centre.size > plain:
+            passing[k] -= side * axes[column(c.wheels.size, mesh, side), k]
     return passing
 
 
@@ -286,7 +287,7 @@ def own_spread(
     `beyond`: A point from which that wall is met. `t`: Time of the flight whose noise was added.
     `last`: The wall just left.
 
-    Shapes: `centre`, `beyond` (d,); `axes` (d, rank); `before` (4,).
+    Shapes: `centre`, `beyond` (d,); `axes` (d, rank); `before` (2 wheels,).
     """
     early, code = event(c, beyond, before)
     if code == 0 or code == last or early >= t:
@@ -295,7 +296,7 @@ def own_spread(
     late = linalg.congruence(
         jacobian(c, early - t), noise_covariance(c, centre[0] + early, t - early)
     )
-    i = 0 if abs(code) == 1 else 2
+    i = 2 * abs(code) - 2
     return math.sqrt(max(1.0 - late[i, i] / (whole * whole), 0.0)) if whole > 0.0 else 1.0
 
 
@@ -323,17 +324,18 @@ def _derivatives(
     mesh = abs(code)
     side = 1 if code > 0 else -1
     d = centre.size
-    i = 0 if mesh == 1 else 2
+    i = 2 * mesh - 2
     passing = _passing(c, code, centre, axes, t, before)
-    pull = field(c, centre[0] + t, before[1], before[3])[i + 1]
+    pull = field(c, centre[0] + t, before)[i + 1]
     slowest = SLOWEST_IN_SPREADS * math.sqrt(2.0 * abs(pull) * linalg.norm(passing)) + 1e-9
     regular = before.copy()
     regular[i + 1] = side * max(slowest, side * before[i + 1])
-    flight = linearise_flight(c, centre[0], centre[1:PLAIN_COMPONENTS], t, regular)
+    plain = plain_size(c)
+    flight = linearise_flight(c, centre[0], centre[1:plain], t, regular)
     first, second = derivatives(flight, mesh, side, d)
     linear = linalg.times(first[:, :d].copy(), axes)
-    curve = np.zeros((PLAIN_COMPONENTS, axes.shape[1], axes.shape[1]))
-    for j in range(PLAIN_COMPONENTS):
+    curve = np.zeros((plain, axes.shape[1], axes.shape[1]))
+    for j in range(plain):
         linalg.put(curve[j], linalg.quadratic(second[j, :d, :d].copy(), axes))
     return linear, curve
 
@@ -345,7 +347,7 @@ def _most_bent(linear: Floats, curve: Floats) -> tuple[float, Floats]:
     u = np.zeros(linear.shape[1])
     worst = 0.0
     at = 0
-    for j in range(PLAIN_COMPONENTS):
+    for j in range(curve.shape[0]):
         variance = linalg.inner(linear[j : j + 1], linear[j : j + 1])
         if variance > 1e-24:
             bend = 0.5 * linalg.inner(curve[j], curve[j]) / variance
@@ -366,17 +368,18 @@ def propagate(
 ) -> tuple[float, Floats]:
     """Propagate a Gaussian to its next impact, to second order in its spread.
 
-    Shapes: `centre` (d,); `axes` (d, rank); `before` (4,); `u` (rank,).
+    Shapes: `centre` (d,); `axes` (d, rank); `before` (2 wheels,); `u` (rank,).
     """
     t, code = event(c, centre, before)
     section = to.section
     section.label[at] = code
     d, rank = axes.shape
+    plain = plain_size(c)
     mean = section.mean[at]
     spread = section.covariance[at]
     flight = to.flight[at]
     linalg.put_row(mean, centre)
-    linalg.put_row(mean[1:PLAIN_COMPONENTS], before)
+    linalg.put_row(mean[1:plain], before)
     mean[0] += t
     spread[:] = 0.0
     to.crossing[at] = 0.0
@@ -401,12 +404,12 @@ def propagate(
     linalg.put_row(to.crossing[at], linalg.apply(axes, linear[0]))
     flight[1] = linalg.dot(own, own)
     if straight:
-        for j in range(PLAIN_COMPONENTS):
+        for j in range(plain):
             trace = 0.0
             for k in range(rank):
                 trace += curve[j, k, k]
             mean[j] += 0.5 * trace
-            for k in range(PLAIN_COMPONENTS):
+            for k in range(plain):
                 spread[j, k] += 0.5 * linalg.inner(curve[j], curve[k])
             if j == 0:
                 flight[0] += 0.5 * trace
@@ -421,7 +424,7 @@ def propagate(
         times[k], there = event(c, end, before)
         met += there == code
         end[0] += times[k]
-        linalg.put_row(end[1:PLAIN_COMPONENTS], before)
+        linalg.put_row(end[1:plain], before)
     if met == 2:
         for j in range(d):
             mean[j] = 0.5 * (ends[0, j] + ends[1, j])

@@ -8,7 +8,7 @@ displacement is that of its wall.
 
 import math
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -20,7 +20,8 @@ from rattle.compare.animation.record import ANIMATED_SCHEME, PERIOD, Motion, Rec
 from rattle.compare.report.folder import check_own, check_place, refusals, write_whole
 from rattle.compare.report.json_text import Facts, json_text
 from rattle.compare.report.render import render_animation
-from rattle.scene import Floats, OutputError, line
+from rattle.compare.report.texts import wheel_label
+from rattle.scene import Floats, OutputError, Scene, line
 from rattle.scene.drive import driver_motion
 
 GENERATOR = '<meta name="generator" content="rattle animate">'
@@ -34,8 +35,9 @@ FEW_IMPACTS = 24
 STRIP_WIDTH = 10_000
 HIGH = 1000
 STRIP_HEIGHT = 1.3  # height of a strip in half gaps
-DIGITS = {"x1": 4, "x2": 4}  # of a displacement: a thousandth of a backlash
+DIGITS = 4  # of a displacement: a thousandth of a backlash
 MOST_TAU = 1e4  # beyond it time is counted from the start
+SUBSCRIPTS = str.maketrans("0123456789", "₀₁₂₃₄₅₆₇₈₉")
 TEETH = 12
 PRESSURE = math.radians(25.0)
 """Pressure angle; with 25 degrees a wheel of 12 teeth needs no undercut."""
@@ -52,20 +54,21 @@ FLANK = 7  # points of a flank
 def animation(shown: Recording, name: str, command: str = "") -> str:
     """The text of an animation's HTML file."""
     scene = shown.scene
-    walls = scene.noise_free.constants
-    gaps = (walls.wall1, walls.wall2)[: scene.stages]
+    gaps = scene.noise_free.constants.wheels["wall"].tolist()
     begin = scene.start.tau if abs(scene.start.tau) <= MOST_TAU else 0.0
     ms = None if scene.gears is None else 1000.0 / scene.gears.omega
-    loose = Wheel(PITCH_RADIUS, TOOTH)
-    scale = PLAY * loose.pitch / (2.0 * max(gaps))  # of a displacement, to the drawing
-    others = (1.0 - TOOTH - 2.0 * gap * scale / loose.pitch for gap in gaps)
-    wheels = [loose, *(Wheel(PITCH_RADIUS, width) for width in others)]
+    # of a displacement, to the drawing
+    scale = PLAY * DrawnWheel(PITCH_RADIUS, TOOTH).pitch / (2.0 * max(gaps))
+    toothings = place_toothings(scene, [PLAY * gap / max(gaps) for gap in gaps])
     data = {
         "span": shown.span,
         "phase": scene.phase,
         "alpha": scene.alpha,
         "drive": [[one.order, one.amplitude, one.phase] for one in scene.drive],
         "turn": math.degrees(scale / PITCH_RADIUS),
+        "parents": [wheel.parent for wheel in scene.tree],
+        "ratios": [wheel.ratio for wheel in scene.tree],
+        "drawn": [(one.body, one.factor, one.rest) for one in toothings],
         "seconds": max(
             SECONDS_OF_A_PERIOD * shown.span / PERIOD,
             SECONDS_OF_AN_IMPACT * min(shown.orbit.impacts, FEW_IMPACTS),
@@ -83,8 +86,10 @@ def animation(shown: Recording, name: str, command: str = "") -> str:
         shown=shown,
         command=line(command),
         radius=PITCH_RADIUS,
-        wheels=list(map(outline, wheels)),
-        turns=_turns(shown, scale),
+        toothings=list(zip(toothings, _turns(shown, scale, toothings), strict=True)),
+        own=sorted((one for one in toothings if one.is_own), key=lambda one: one.body),
+        names=["driver", *(f"wheel {i}" for i in range(1, scene.stages + 1))],
+        labels=["driver", *(f"wheel {wheel_label(scene, i + 1)}" for i in range(scene.stages))],
         strips=[_strip(shown, mesh, gap) for mesh, gap in enumerate(gaps, 1)],
         ticks=list(_ticks(begin, shown.span)),
         ms=ms,
@@ -120,24 +125,28 @@ def write_animation(
 
 def _numbers(motion: Motion) -> Mapping[str, Any]:
     """A path as numbers for the script: times to 7 digits, displacements to what can be seen."""
-    columns = {"t": motion.time, "x1": motion.x1, "hits": motion.impact_time}
-    if not np.isnan(motion.x2).all():
-        columns["x2"] = motion.x2
-    texts = {
-        key: [float(f"{v:.{DIGITS.get(key, 7)}g}") for v in values.tolist()]
-        for key, values in columns.items()
+
+    def rounded(values: Floats, digits: int) -> list[float]:
+        return [float(f"{value:.{digits}g}") for value in values.tolist()]
+
+    return {
+        "t": rounded(motion.time, 7),
+        "hits": rounded(motion.impact_time, 7),
+        "x": [rounded(x, DIGITS) for x in motion.x.T],
+        "codes": motion.code.tolist(),
+        "numbers": motion.number.tolist(),
     }
-    return texts | {"codes": motion.code.tolist(), "numbers": motion.number.tolist()}
 
 
-def _turns(shown: Recording, scale: float) -> list[float]:
-    """Angles of the wheels at the start, in degrees clockwise; see `animation.js`."""
+def _turns(shown: Recording, scale: float, toothings: "Sequence[Toothing]") -> list[float]:
+    """Angles of the toothings at the start, in degrees clockwise; see `animation.js`."""
     scene = shown.scene
-    x1 = shown.orbit.x1[0]
-    x2 = shown.orbit.x2[0]
-    driver = scene.alpha * driver_motion(scene.constants.drive, scene.phase)
-    turns = [driver - x1, -driver, x1 - driver - x2][: scene.stages + 1]  # wheel 1, driver, wheel 2
-    return [round(math.degrees(scale / PITCH_RADIUS * float(turn)), 3) for turn in turns]
+    moved = [scene.alpha * float(driver_motion(scene.constants.drive, scene.phase))]
+    for wheel, x in zip(scene.tree, shown.orbit.x[0].tolist(), strict=True):
+        parent = int(wheel.parent)
+        moved.append(wheel.ratio * moved[parent] + (x if parent else -x))
+    turn = math.degrees(scale / PITCH_RADIUS)
+    return [round(one.rest + turn * one.factor * moved[one.body], 3) for one in toothings]
 
 
 def _ticks(begin: float, span: float) -> Iterator[tuple[float, str]]:
@@ -158,14 +167,14 @@ def _strip(shown: Recording, mesh: int, gap: float) -> Facts:
     """
     scene = shown.scene
     random = scene.tolerance is not None and scene.tolerance.distribution != "fixed"
-    c_max = getattr(scene.tolerance, f"c{mesh}_max") if random else 0.0
+    c_max = scene.tree[mesh - 1].tolerance if random else 0.0
     top = max(STRIP_HEIGHT * gap, 1.1 * (gap + c_max))
-    label = f"{(scene.gears.backlash1 if scene.gears else 1.0) * gap:.3g}"
+    label = f"{(scene.gears.units.length if scene.gears else 1.0) * gap:.3g}"
     heights = {f"+{label}": gap, "0": 0.0, f"−{label}": -gap}
     curves = []
     marks = []
     for name, motion in (("orbit", shown.orbit), ("path", shown.path)):
-        x = motion.x1 if mesh == 1 else motion.x2
+        x = motion.x[:, mesh - 1]
         places = zip((motion.time / shown.span).tolist(), _height(x, top).tolist(), strict=True)
         curves.append((name, " ".join(f"{STRIP_WIDTH * a:.0f},{HIGH * b:.0f}" for a, b in places)))
         left = 100.0 * motion.impact_time / shown.span
@@ -174,6 +183,8 @@ def _strip(shown: Recording, mesh: int, gap: float) -> Facts:
             marks.append((name, k, round(float(left[k]), 3), round(float(down[k]), 2)))
     return {
         "mesh": mesh,
+        "subscript": str(mesh).translate(SUBSCRIPTS),
+        "parent": scene.tree[mesh - 1].parent,
         "ticks": [(round(100.0 * _height(x, top), 3), text) for text, x in heights.items()],
         "curves": curves,
         "marks": marks,
@@ -187,7 +198,81 @@ def _height(x: Any, top: float) -> Any:
 
 
 @dataclass(frozen=True)
-class Wheel:
+class Toothing:
+    """A toothing as it is drawn: that of a wheel, or another one on the same shaft."""
+
+    body: int  # its wheel; 0 for the driver
+    depth: int  # meshes between its wheel and the driver
+    row: int
+    ratio: float  # of its displacement to that of its wheel's own toothing
+    width: float  # of a tooth, as a share of the pitch
+    is_own: bool  # whether its wheel meshes with the parent there
+
+    @property
+    def is_odd(self) -> bool:
+        """Whether its gaps hold the teeth of both neighbours."""
+        return self.depth % 2 == 1
+
+    @property
+    def rest(self) -> float:
+        """Its angle without displacement: a gap at each mesh, or a tooth of the neighbours."""
+        if self.is_odd:
+            return 180.0 / TEETH
+        return 180.0 if self.depth else 0.0
+
+    @property
+    def factor(self) -> float:
+        """Of the displacement of its wheel, to its rotation: neighbours turn against each other."""
+        return self.ratio if self.is_odd else -self.ratio
+
+    @property
+    def outline(self) -> str:
+        """Its outline as the data of an SVG path."""
+        return outline(DrawnWheel(PITCH_RADIUS, self.width))
+
+
+def place_toothings(scene: Scene, plays: Sequence[float]) -> list[Toothing]:
+    """Lay out the tree from left to right, the toothings of a shaft one below the other.
+
+    A wheel an odd number of meshes behind the driver has gaps for its parent's teeth on the left
+    and those of one wheel on the right; all further meshes have toothings of their own.
+
+    `plays`: Backlash of each mesh as a share of the pitch.
+    """
+    tree = scene.tree
+    depths = [0]
+    for wheel in tree:
+        depths.append(depths[int(wheel.parent)] + 1)
+
+    def below(parent: int) -> Iterator[int]:
+        meshing = [i for i, wheel in enumerate(tree, 1) if wheel.parent == parent]
+        for i in sorted(meshing, key=lambda i: tree[i - 1].ratio != 1.0):
+            yield i
+            yield from below(i)
+
+    toothings: list[Toothing] = []
+    rows = {0: -1}
+    taken = {0}  # wheels whose right side is not free
+    last = -1
+    for i in below(0):
+        parent = int(tree[i - 1].parent)
+        ratio = tree[i - 1].ratio
+        odd = depths[i] % 2 == 1
+        other = 1.0 - TOOTH - plays[i - 1]
+        rows[i] = rows[parent]
+        if odd or parent in taken or ratio != 1.0:
+            last += 1
+            rows[i] = last
+            width = other if odd else TOOTH
+            toothings.append(Toothing(parent, depths[parent], last, ratio, width, False))
+        taken.add(parent)
+        width = TOOTH if odd else other
+        toothings.append(Toothing(i, depths[i], rows[i], 1.0, width, True))
+    return toothings
+
+
+@dataclass(frozen=True)
+class DrawnWheel:
     """A toothed wheel of `TEETH` teeth."""
 
     radius: float
@@ -214,7 +299,7 @@ class Wheel:
         return at_pitch + (math.tan(PRESSURE) - PRESSURE) - (math.tan(at) - at)
 
 
-def outline(wheel: Wheel) -> str:
+def outline(wheel: DrawnWheel) -> str:
     """The outline of a wheel as the data of an SVG path; the middle of a tooth points along the x
     axis."""
     root = wheel.radius - DEDENDUM * wheel.module

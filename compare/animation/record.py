@@ -11,8 +11,8 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 
 from rattle.montecarlo import Record, Sampling, default_step, simulate
-from rattle.montecarlo.settings import MOST_IMPACTS_OF_A_RUN, is_random
-from rattle.scene import Floats, InputError, Ints, Scene, Start, count
+from rattle.montecarlo.settings import is_random, most_impacts
+from rattle.scene import Floats, InputError, Ints, Scene, Start, count, state_names
 from rattle.scene.orbit import Orbit, follow
 from rattle.scene.parts import move_to_flanks
 
@@ -48,8 +48,7 @@ class Motion:
 
     # time since the start, increasing; the instants of the impacts are among them; (instants,)
     time: Floats
-    x1: Floats  # x1, x2: relative displacements; `x2` is NaN for a single stage; (instants,)
-    x2: Floats
+    x: Floats  # displacement in each gap; (instants, wheels)
     # time of each impact since the start; that of the start itself is not among them; (marked,)
     impact_time: Floats
     impact_x: Floats  # displacement of the mesh that is struck; (marked,)
@@ -134,8 +133,8 @@ def record(
     agreement = int(np.logical_and.accumulate(codes[0][:both] == codes[1][:both]).sum())
     return Recording(
         *(scene, seed, settled, span, step),
-        _motion(scene, of_orbit),
-        _motion(scene, of_path),
+        _motion(of_orbit),
+        _motion(of_path),
         agreement,
     )
 
@@ -145,23 +144,23 @@ def follow_until(scene: Scene, span: float) -> Orbit:
     impacts = 256
     while True:
         orbit = follow(scene.noise_free, impacts)
-        if orbit.stopped or orbit.tau[-1] - scene.phase > span or impacts > MOST_FOLLOWED:
+        reached = float(orbit.tau[-1]) - scene.phase
+        if orbit.stopped or reached > span or impacts > MOST_FOLLOWED:
             return orbit
-        impacts *= 4
+        # as its impacts so far have it, and a fourth more; four times as many at the most
+        impacts = math.ceil(1.25 * impacts * span / max(reached, 0.3125 * span))
 
 
 def settle(scene: Scene, refuse: Refuse) -> Scene:
     """The scene from an impact of its noise-free orbit on, `SETTLED_PERIODS` after its start."""
     span = PERIOD * SETTLED_PERIODS
     orbit = follow_until(scene, span + PERIOD)
-    walls = orbit.constants.wall1, orbit.constants.wall2
-    gaps = scene.gap1, scene.gap2
+    walls = orbit.constants.wheels["wall"].tolist()
     for k in np.flatnonzero(orbit.tau[: orbit.found + 1] - scene.phase > span).tolist():
         tau = float(scene.to_absolute_time(orbit.tau[k]))
-        x1, y1, x2, y2 = orbit.before[k].tolist()
-        start = Start(tau, x1, y1, x2, y2, int(orbit.mesh[k]))
+        start = Start(tau, state=orbit.before[k].tolist(), mesh=int(orbit.mesh[k]))
         with suppress(InputError):  # a state that a random flank could be in
-            return replace(scene, start=move_to_flanks(start, walls, gaps))
+            return replace(scene, start=move_to_flanks(start, walls, _half_gaps(scene)))
     why = orbit.stopped or "no impact of it can be a start"
     remedy = "give a scene that rattles, such as a larger alpha"
     if orbit.found:
@@ -184,10 +183,11 @@ def _span_of(orbit: Orbit, scene: Scene, impacts: int, refuse: Refuse) -> float:
     span = float(times[impacts] + tail)
     if not span > 0.0:
         raise refuse("the noise-free orbit has all of them at the start; ask for more")
-    if span > PERIOD * MOST_PERIODS:
-        fewer = max(int((times[: impacts + 1] < PERIOD * MOST_PERIODS).sum()) - 1, 1)
+    longest = PERIOD * MOST_PERIODS
+    if times[impacts] > longest:
+        fewer = max(int((times[1 : impacts + 1] <= longest).sum()), 1)
         raise refuse(f"take over {MOST_PERIODS} periods; give at most {fewer}")
-    return span
+    return min(span, longest)
 
 
 class RecordedPath(NamedTuple):
@@ -196,13 +196,14 @@ class RecordedPath(NamedTuple):
     at: Floats
     x: Floats
     times: Floats
-    before: Floats  # states just before the impacts; (impacts, 4)
+    before: Floats  # states just before the impacts; (impacts, 2 wheels)
     code: Ints
 
 
 def _orbit(orbit: Orbit, scene: Scene, impacts: int, instants: Floats) -> RecordedPath:
     """The orbit at instants, at its impacts, and where a mesh begins or ceases to stick."""
-    closed = np.abs(orbit.legs[:, 5:]).sum(axis=1)
+    sides = orbit.legs[:, 1 + 2 * scene.stages :]
+    closed = np.abs(sides).sum(axis=1)
     changing = np.flatnonzero(closed + np.append(0.0, closed[:-1]))
     changes = orbit.legs[changing, 0] - scene.phase
     inside = changes[(changes > 0.0) & (changes < instants[-1])]
@@ -231,10 +232,12 @@ def _path(
     gaps = scene.tolerance
     fixed = gaps is None or gaps.distribution == "fixed"
     in_parts = fixed and scene.correlation_time == 0.0
-    room = min(2 * impacts + 200, MOST_IMPACTS_OF_A_RUN) if in_parts else MOST_IMPACTS_OF_A_RUN
+    most = most_impacts(scene)
+    room = min(2 * impacts + 200, most) if in_parts else most
     # on the nominal flank, even where the path's own has a tolerance
     at = [np.zeros(1)]
-    x = [np.array([scene.start_state])[:, ::2]]
+    x = [scene.start_state[None, ::2]]
+    displacements = state_names(scene.stages)[::2]
     parts: list[Floats] = []
     begin = 0.0
     while True:
@@ -253,7 +256,9 @@ def _path(
         assert run.raw is not None
         rows = run.raw[0].copy()
         rows[:, 0] += begin - local.phase
-        states = run.at_times()[["x1", "x2"]].to_numpy() if rest.size else np.empty((0, 2))
+        states = np.empty((0, scene.stages))
+        if rest.size:
+            states = run.at_times()[list(displacements)].to_numpy()
         times = run.fixed_times - local.phase + begin
         ends = not rows[-1, 0] <= span  # the path ended, or has all its impacts in that time
         seen = ~np.isnan(states[:, 0]) & (times <= (math.inf if ends else rows[-1, 0]))
@@ -262,31 +267,34 @@ def _path(
         parts.append(rows[rows[:, 0] <= span])
         if ends:
             break
-        room = MOST_IMPACTS_OF_A_RUN
+        room = most
         if not in_parts or len(parts) * room >= MOST_FOLLOWED:
             raise refuse(f"the noisy path has over {sum(map(len, parts))} impacts; ask for fewer")
         begin = float(rows[-1, 0])
         local = _begin_at(local, begin, rows[-1])
     rows = np.concatenate(parts)
-    code = rows[:, 6].astype(np.int64)
-    return RecordedPath(np.concatenate(at), np.concatenate(x), rows[:, 0], rows[:, 2:6], code)
+    code = rows[:, -1].astype(np.int64)
+    return RecordedPath(np.concatenate(at), np.concatenate(x), rows[:, 0], rows[:, 2:-1], code)
+
+
+def _half_gaps(scene: Scene) -> list[float]:
+    """The nominal half gap of each wheel."""
+    return [wheel.gap for wheel in scene.tree]
 
 
 def _begin_at(scene: Scene, begin: float, row: Floats) -> Scene:
     """The scene from an impact of a path on, whose row has the state just before it."""
-    mesh = abs(int(row[6]))
-    walls = scene.constants.wall1, scene.constants.wall2
-    x1, y1, x2, y2 = row[2:6].tolist()
-    if mesh == 1:
-        x1 = math.copysign(walls[0], x1)
-    else:
-        x2 = math.copysign(walls[1], x2)
-    struck = Start(begin, x1, y1, x2, y2, mesh)
-    start = move_to_flanks(struck, walls, (scene.gap1, scene.gap2))
+    mesh = abs(int(row[-1]))
+    walls = scene.constants.wheels["wall"].tolist()
+    state = row[2:-1].tolist()
+    at = 2 * mesh - 2
+    state[at] = math.copysign(walls[mesh - 1], state[at])
+    struck = Start(begin, state=state, mesh=mesh)
+    start = move_to_flanks(struck, walls, _half_gaps(scene))
     return replace(scene, start=start).phase_reduced
 
 
-def _motion(scene: Scene, path: RecordedPath) -> Motion:
+def _motion(path: RecordedPath) -> Motion:
     """A path as it is drawn: of the impacts the hardest, and of two states at one time that of the
     impact."""
     number = np.arange(len(path.times))
@@ -297,12 +305,9 @@ def _motion(scene: Scene, path: RecordedPath) -> Motion:
     times = path.times[marked]
     together = np.concatenate([times, path.at])
     order = np.unique(together, return_index=True)[1]
-    x1, x2 = np.concatenate([before, path.x])[order].T
     struck = before[np.arange(len(marked)), mesh[marked]]
-    if scene.stages == 1:
-        x2 = np.full(len(order), np.nan)
     return Motion(
-        *(together[order], x1, x2, times, struck),
+        *(together[order], np.concatenate([before, path.x])[order], times, struck),
         path.code[marked],
         marked + 1,
         len(path.times),

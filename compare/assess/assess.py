@@ -135,7 +135,7 @@ def assess_in_rounds(
     """Check the settings; then give the first, rough assessment, and the one of the whole
     budget."""
     if isinstance(scene, Gears):
-        scene = Scene.from_gears(scene, stages=scene.wheels)
+        scene = Scene.from_gears(scene, stages=len(scene.tree))
     check_scene(scene)
     if positive("budget", budget) < LEAST_ASSESS_BUDGET:
         raise InputError(

@@ -12,7 +12,8 @@ from rattle.compare.parameters.boundary import Boundary
 from rattle.compare.parameters.sensitivity import Sensitivity
 from rattle.compare.report.finding import Finding
 from rattle.compare.report.render import render_sentences
-from rattle.compare.stationary.page import show_quantity
+from rattle.compare.report.texts import wheel_label
+from rattle.compare.stationary.page import share_energy, show_quantity
 from rattle.compare.stationary.result import Stationary, speed_text
 from rattle.compare.study.parameters import PERCENT, find_parameters
 from rattle.scene import Scene
@@ -117,7 +118,9 @@ class Assessment(Finding):
             opened=[t for t in self.thresholds if t.opens],
             table=table.to_dict("index"),
             meshes=range(1, self.scene.stages + 1),
+            label=partial(wheel_label, self.scene),
             show=partial(show_quantity, table),
+            shares=share_energy(self.scene, table),
             slow=speed_text(self.motion.slow, self.scene.gears, self.units) if self.motion else "",
             levers=self._name_levers(),
             closures=[
@@ -155,11 +158,11 @@ class Assessment(Finding):
         from rattle.compare.assess.figures import threshold_figure
         from rattle.compare.parameters.figures import tornado
 
-        figures = {"threshold": threshold_figure(self.thresholds)}
+        figures = {"threshold": threshold_figure(self.scene, self.thresholds)}
         if self.motion is not None and self.motion.run is not None:
             figures["speeds"] = self.motion.plot("distribution")
         if self.levers is not None:
-            figures["levers"] = tornado(self.levers.table, [LOUDNESS, "rate_above"])
+            figures["levers"] = tornado(self.levers, [LOUDNESS, "rate_above"])
         for boundary in self.closures:
             figures[boundary.closure] = boundary.plot()
         return figures

@@ -3,10 +3,12 @@
 from matplotlib.figure import Figure
 
 from rattle.compare.report.style import legend_above, new_figure
+from rattle.compare.report.texts import wheel_label
+from rattle.scene import Scene
 from rattle.scene.threshold import RattleThreshold
 
 
-def threshold_figure(thresholds: tuple[RattleThreshold, ...]) -> Figure:
+def threshold_figure(scene: Scene, thresholds: tuple[RattleThreshold, ...]) -> Figure:
     """Draw the drag of each wheel beside that from which on its closed teeth stay closed."""
     figure, (ax,) = new_figure(7.4, 1.0 + 0.55 * len(thresholds), 1, 1)
     places = range(len(thresholds))
@@ -16,7 +18,7 @@ def threshold_figure(thresholds: tuple[RattleThreshold, ...]) -> Figure:
         ends = place - 0.35, place + 0.35
         line = ax.vlines(threshold.least, *ends, color="0.2", lw=2.0)
     line.set_label("threshold: closed teeth stay closed right of it")
-    ax.set_yticks(places, [f"wheel {t.wheel}" for t in thresholds])
+    ax.set_yticks(places, [f"wheel {wheel_label(scene, t.wheel)}" for t in thresholds])
     ax.invert_yaxis()
     unit = thresholds[0].unit
     ax.set_xlabel(f"drag torque ({unit})" if unit else "drag γ")

@@ -6,8 +6,8 @@ from typing import Any, NamedTuple
 
 import pandas as pd
 
-from rattle.montecarlo.long_run.estimates import all_names
-from rattle.scene import InputError, choice
+from rattle.montecarlo.long_run.estimates import check_quantity
+from rattle.scene import InputError
 
 REQUIREMENT = re.compile(r"\s*(\w+)\s*([<>])\s*(\S+)\s*")
 WRITE = "write QUANTITY < NUMBER or QUANTITY > NUMBER, such as 'rate_above < 50'"
@@ -55,7 +55,7 @@ def read_requirement(text: str, stages: int) -> Requirement:
     if parts is None:
         raise InputError("require", text, WRITE)
     quantity, relation, number = parts.groups()
-    choice("require", quantity, all_names(stages))
+    check_quantity("require", quantity, stages)
     try:
         limit = float(number)
     except ValueError:

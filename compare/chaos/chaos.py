@@ -66,7 +66,7 @@ class Chaos(ChaosStudy):
 
     def __repr__(self) -> str:
         """The first sentences of the answer."""
-        return "\n  ".join([f"Chaos at sigma = {self.scene.sigma:.4g}", *self.answer[:3]])
+        return "\n  ".join([f"Chaos at sigma = {self.scene.sigma:.4g}", *self.answer[:2]])
 
     def _repr_html_(self) -> str:
         return as_html(repr(self), self.tables["exponents"].to_html())

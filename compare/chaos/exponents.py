@@ -82,12 +82,12 @@ class Exponents:
 
     of: str  # the linearised system: `ORBIT` or `DRIFT`
     # value, half: exponents and half widths of their 95 % intervals; NaN without a record; (2
-    # stages,)
+    # wheels,)
     value: Floats
     half: Floats
-    rate: float  # impacts per unit of time at both meshes together
-    # sum of the exponents less its exact value ``-(beta1 + beta2) + rate 2 ln epsilon`` on the same
-    # record; nothing but rounding
+    rate: float  # impacts per unit of time at all meshes together
+    # sum of the exponents less its exact value, 2 ln epsilon of each impact over the time less all
+    # beta, on the same record; nothing but rounding
     sum_error: float
     impacts: int  # impacts of the record
     time: float  # duration of the record
@@ -134,25 +134,24 @@ class Exponents:
         return int(math.ceil(need / unit) * unit)
 
 
-def _blocks(s: Stretch) -> Floats:
-    """Sums over `GROWTH_BLOCK` impacts each (the last block may have fewer): log growths, time,
-    number of impacts."""
+def _blocks(scene: Scene, s: Stretch) -> Floats:
+    """Sums over `GROWTH_BLOCK` impacts each (the last block may have fewer): time, number of
+    impacts, the exact logarithm of their determinants, log growths."""
     starts = np.arange(0, s.flight.size, GROWTH_BLOCK)
-    columns = np.column_stack([s.growth, s.flight, np.ones(s.flight.size)])
+    shrinking = 2.0 * np.log(scene.constants.wheels["epsilon"])[np.abs(s.code) - 1]
+    columns = np.column_stack([s.flight, np.ones(s.flight.size), shrinking, s.growth])
     return np.asarray(np.add.reduceat(columns, starts, axis=0))
 
 
 def _exponents(of: str, scene: Scene, blocks: Floats, regime: Regime) -> Exponents:
     """Exponents of a record by blocks; NaN without one, and where their sum shows that growth is
     lost in rounding."""
-    size = 2 * scene.stages
-    growths = blocks[:, :size]
-    times, numbers = blocks[:, 4:].T
+    times, numbers, shrinking = blocks[:, :3].T
+    growths = blocks[:, 3:]
     time = float(times.sum())
     impacts = int(numbers.sum())
     if len(blocks) >= 2 * GROWTH_BATCHES and regime.has_record:
-        c = scene.constants
-        exact_sum = -(c.beta1 + c.beta2) + impacts / time * 2.0 * math.log(c.epsilon)
+        exact_sum = float(shrinking.sum()) / time - float(scene.constants.wheels["beta"].sum())
         sum_error = float(growths.sum() / time - exact_sum)
         if abs(sum_error) < LOST_IN_ROUNDING:
             means = sorted((ratio_mean(growth, times) for growth in growths.T), reverse=True)
@@ -162,7 +161,7 @@ def _exponents(of: str, scene: Scene, blocks: Floats, regime: Regime) -> Exponen
                 of, value, half, rate, sum_error, impacts, time, float(effective[0]), regime
             )
         regime.give_up()
-    nothing = np.full(size, np.nan)
+    nothing = np.full(2 * scene.stages, np.nan)
     return Exponents(of, nothing, nothing, np.nan, np.nan, impacts, time, 0.0, regime)
 
 
@@ -177,18 +176,18 @@ def _measure(
 ) -> Exponents:
     """Exponents of a record that is lengthened until it has `impacts`, or its interval is no wider
     than `width`."""
-    if scene.epsilon == 0.0:
+    if not scene.constants.wheels["epsilon"].all():
         why = "exponents need epsilon > 0: the Jacobian of an impact without rebound is singular"
         raise InputError("epsilon", 0.0, why)
     least = 2 * GROWTH_BATCHES * GROWTH_BLOCK
     if impacts is not None:
         count("impacts", impacts, least=least, most=LONGEST_RECORD)
     target = impacts or min(DEFAULT_RECORD if width is None else FIRST_RECORD, longest)
-    blocks = np.empty((0, 6))
+    blocks = np.empty((0, 3 + 2 * scene.stages))
     done = 0
     for s in stretches:
         s = s.first(target - done)
-        blocks = np.concatenate([blocks, _blocks(s)])
+        blocks = np.concatenate([blocks, _blocks(scene, s)])
         done += s.flight.size
         if done < target:
             continue
@@ -203,7 +202,7 @@ def _measure(
         # strongly correlated batches: the first half may be a transient
         if exponents.effective < LEAST_EFFECTIVE_SHARE * GROWTH_BATCHES:
             early, blocks = np.split(blocks, [len(blocks) // 2])
-            transient = int(early[:, 5].sum())
+            transient = int(early[:, 1].sum())
             regime.transient += transient
             done -= transient
         else:
@@ -356,7 +355,8 @@ def sqrt_law(scene: Scene, *, impacts: int = 4000, seed: int = 0) -> SqrtLaw:
             f"only {len(apart)} impacts at mesh 1 are fast enough, and at a phase that has noise"
         )
     speed, modulation = place[modulated, 1:, None].swapaxes(0, 1)
-    law = (1.0 + scene.epsilon) * scene.sigma * np.abs(modulation) * np.sqrt(deltas / speed)
+    epsilon = scene.constants.wheels[0].epsilon
+    law = (1.0 + epsilon) * scene.sigma * np.abs(modulation) * np.sqrt(deltas / speed)
     square = (apart / law) ** 2
     ratio = square.mean(axis=0)
     half = _half_width(square)

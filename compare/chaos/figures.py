@@ -19,7 +19,7 @@ from rattle.compare.chaos.record import STICKS_AT_TIMES, STICKS_FOR_GOOD, STICKS
 from rattle.compare.chaos.section import MAP, NOISY, ORBIT_SECTION, Section
 from rattle.compare.chaos.spectrum import SEQUENCE, VELOCITY_IN_TIME, Spectrum
 from rattle.compare.chaos.sweep import WITH_NOISE, WITHOUT_NOISE, Bifurcation
-from rattle.compare.report.style import SYMBOL, axis_label, legend_above, new_figure
+from rattle.compare.report.style import SYMBOL, axis_label, legend_above, new_figure, new_panels
 from rattle.scene import Bools, Floats, Gears
 
 SIDE: Any = {
@@ -42,7 +42,7 @@ def speed_unit(gears: Gears | None = None) -> tuple[float, str]:
 
 def label_velocity(ax: Axes, mesh: int, unit: str, **style: Any) -> None:
     """Label the axis of the velocity before an impact."""
-    ax.set_ylabel(rf"velocity before the impact $y_{mesh}$ ({unit})", **style)
+    ax.set_ylabel(rf"velocity before the impact $y_{{{mesh}}}$ ({unit})", **style)
 
 
 def draw_cells(
@@ -87,8 +87,9 @@ def section_figure(found: Mapping[str, Section]) -> Figure:
 def spectrum_figure(found: Mapping[tuple[str, str, str], Spectrum]) -> Figure:
     """Draw the spectra of both sides with their 95 % bands, floors and lines (Fig. 3 of the
     paper)."""
-    names = sorted({name for _, _, name in found})
-    figure, axes = new_figure(4.6 * len(names), 6.4, 2, len(names))
+    names = list(dict.fromkeys(name for _, _, name in found))
+    columns = min(len(names), 2)
+    figure, axes = new_panels(2 * len(names), columns, 4.6, 3.2)
     kinds = (
         (
             VELOCITY_IN_TIME,
@@ -98,9 +99,8 @@ def spectrum_figure(found: Mapping[tuple[str, str, str], Spectrum]) -> Figure:
         ),
         (SEQUENCE, "frequency (cycles per impact)", "cycle per impact", math.inf),
     )
-    for ax, ((kind, frequency, unit, highest), name) in zip(
-        axes, product(kinds, names), strict=True
-    ):
+    panels = enumerate(product(kinds, names))
+    for ax, (number, ((kind, frequency, unit, highest), name)) in zip(axes, panels, strict=True):
         for side in (NOISY, ORBIT_SECTION):
             if (side, kind, name) in found:
                 _spectrum(ax, found[side, kind, name], side, highest)
@@ -108,7 +108,7 @@ def spectrum_figure(found: Mapping[tuple[str, str, str], Spectrum]) -> Figure:
         # so that all curves are rasterized as one image; text and axes stay vector graphics
         ax.set_axisbelow(True)
         ax.set_title(f"{SYMBOL[name]}: {kind}", loc="left")
-        if name == names[0]:
+        if number % columns == 0:
             ax.set_ylabel(f"power spectral density\n($\\nu_1^2\\omega^2$ per {unit})", fontsize=8)
     legend_above(figure, axes, 3)
     return figure

@@ -62,7 +62,7 @@ def mean_maps(scene: Scene, orbit: Exponents) -> pd.DataFrame:
     """
     along = LongOrbit(scene).stretch(IMPACTS_OF_SPREAD, tangent=False).before[:, 1]
     spread = float(along.std()) if along.size else np.inf
-    walls = np.array(scene.windows)[: scene.stages] * (1.0 + 1e-9)
+    walls = np.array(scene.windows) * (1.0 + 1e-9)
     rows = []
     for closure in closures_for(scene):
         row: dict[str, Any] = {"closure": closure, **MAPS[closure], "followed": 0}
@@ -74,7 +74,7 @@ def mean_maps(scene: Scene, orbit: Exponents) -> pd.DataFrame:
         if closure != "branching":
             m = mean_map(scene, impacts=IMPACTS_FOLLOWED, closure=closure, order=4)
             followed = slice(1, m.trace.found + 1)
-            beyond = np.abs(m.trace.mean[followed, : 2 * scene.stages : 2]) > walls
+            beyond = np.abs(m.trace.mean[followed, ::2]) > walls
             row["not_realizable"] = m.breakdown.impact if m.breakdown else np.nan
             row["leaves_gap"] = _first_impact(beyond.any(axis=1))
             if closure != "published":
@@ -163,6 +163,9 @@ def study(
         sweep = FieldSweep(chosen, field, seed, workers, folder, guard)
         progress(f"exponents at {len(chosen)} values of {field}")
         swept = sweep.exponents(width, longest)
+        measured = swept[field].nunique()
+        if measured < len(chosen):  # they took far longer than was counted
+            sizes.reduced.append(f"{measured} of these {len(chosen)} values in that time")
         progress(f"bifurcation diagram at {len(chosen)} values of {field}")
         with leave_out(missing, "the bifurcation diagram"):
             view = sweep.bifurcation()

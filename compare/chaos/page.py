@@ -17,6 +17,7 @@ from rattle.compare.report.texts import (
     CLOSURE_TERMS,
     SECTION_TERMS,
     glossary,
+    name_wheels,
     read_texts,
 )
 from rattle.compare.validation.answer import explain_missing
@@ -63,12 +64,19 @@ def chaos_tables(study: ChaosStudy) -> dict[str, pd.DataFrame]:
 def make_report(found: ChaosStudy, record: dict[str, Any]) -> Report:
     """The report on a study of chaos."""
     tables = chaos_tables(found)
+    known = tables["exponents"]
     return Report(
         "chaos",
         f"Chaos of {record['name']}",
         answer(found, tables),
         record,
-        {"captions": CHAOS_CAPTIONS, "missing": found.missing, "field": found.field, **tables},
+        {
+            "captions": CHAOS_CAPTIONS,
+            "missing": found.missing,
+            "field": found.field,
+            **tables,
+            "exponents": known[known["value"].notna() | (known["exponent"] == 1)],
+        },
         glossary(*CHAOS_WORDS, gears=found.scene.gears),
         figures=draw(found),
         tables={name: table for name, table in tables.items() if name not in CHAOS_PARQUET},
@@ -117,7 +125,8 @@ def answer(study: ChaosStudy, tables: dict[str, pd.DataFrame]) -> list[str]:
         missing=names_by_reason,
         join_words=join_words,
     )
-    return sentences + explain_missing(study.scene, list(study.maps["closure"]))
+    missing = explain_missing(study.scene, list(study.maps["closure"]))
+    return sentences + missing + name_wheels(study.scene)
 
 
 def _records(table: pd.DataFrame | None) -> list[Any]:

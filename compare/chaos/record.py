@@ -156,7 +156,7 @@ def _measure_sticking(scene: Scene) -> tuple[float, str]:
     end = float(orbit.tau[-1])
     closed = [
         sum(min(s.opened, end) - s.closed for s in orbit.sticking if s.mesh == mesh)
-        for mesh in (1, 2)
+        for mesh in range(1, scene.stages + 1)
     ]
     return max(closed) / (end - float(orbit.tau[0])), STICKS_OFTEN
 
@@ -165,7 +165,7 @@ def _accumulating(s: Stretch) -> int:
     """Number of impacts before the final chatter, in which each impact is slower than the last on
     the same flank."""
     last = s.code[-1]
-    speed = np.abs(s.before[:, 1 if abs(last) == 1 else 3])
+    speed = np.abs(s.before[:, 2 * abs(last) - 1])
     same = np.flatnonzero((s.code == last) & (speed > SLOWEST_IN_CHATTER))
     rising = np.flatnonzero(np.diff(speed[same]) >= 0.0)
     return int(same[rising[-1] + 1]) if rising.size else 0
@@ -184,7 +184,8 @@ def noisy_record(
     """Record a noisy path of a scene in stretches, with its velocities at each step.
 
     `impacts`, `steps`: Least impacts and steps to record in all. A step is 2 pi / 128, or less for
-    strong damping (`rattle.montecarlo.coupling.dyadic`). Shapes: `velocities` (steps, 2).
+    strong damping (`rattle.montecarlo.coupling.dyadic`). Shapes: `velocities` (steps,
+    wheels).
     """
     regime.who = "noisy path"
     if scene.tolerance is not None and scene.tolerance.distribution != "fixed":

@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from rattle.closure import mean_map
+from rattle.closure import closures_for, mean_map
 from rattle.compare.chaos.record import NoRecord, in_threads, leave_out, read_orbit, read_path
 from rattle.scene import Floats, Ints, Scene
 from rattle.scene.tangent import Stretch
@@ -91,7 +91,7 @@ def frame(scene: Scene, seed: int) -> tuple[Floats, Floats]:
         if not pilot:
             raise
     flight = np.concatenate([s.flight for s in pilot])
-    velocity = np.concatenate([s.before[:, 1 : 2 * scene.stages : 2].ravel() for s in pilot])
+    velocity = np.concatenate([s.before[:, 1::2].ravel() for s in pilot])
     low, high = np.quantile(velocity, [1e-4, 1.0 - 1e-4])
     room = AXIS_MARGIN * (high - low)
     longest = (1.0 + AXIS_MARGIN) * float(np.quantile(flight, 1.0 - 1e-4))
@@ -122,7 +122,7 @@ def sections(
         points = 0
         for stretch in record:
             points += stretch.flight.size
-            for cells, velocity in zip(counts, stretch.before.T[1::2], strict=False):
+            for cells, velocity in zip(counts, stretch.before.T[1::2], strict=True):
                 cells += np.histogram2d(stretch.flight, velocity, edges)[0].astype(np.int64)
         return Section(side, *edges, counts, points)
 
@@ -135,11 +135,13 @@ def sections(
         edges = frame(scene, seed)
         with leave_out(missing, "the Poincaré section of the orbit"):
             drawn[ORBIT_SECTION] = count(ORBIT_SECTION, read_orbit(scene, points))
-            if scene.sigma > 0.0:
-                t = mean_map(scene, impacts=MAP_POINTS, closure="corrected").trace
-                flight = np.diff(t.tau[: t.found + 1])
-                mapped = Stretch.empty(0)._replace(flight=flight, before=t.mean[1 : t.found + 1])
-                drawn[MAP] = count(MAP, [mapped])
+            if scene.sigma > 0.0 and "corrected" in closures_for(scene):
+                with leave_out(missing, "the Poincaré section of the corrected mean map"):
+                    t = mean_map(scene, impacts=MAP_POINTS, closure="corrected").trace
+                    means = t.mean[1 : t.found + 1]
+                    empty = Stretch.empty(0, scene.stages)
+                    mapped = empty._replace(flight=np.diff(t.tau[: t.found + 1]), before=means)
+                    drawn[MAP] = count(MAP, [mapped])
         with leave_out(missing, "the Poincaré section of the noisy system"):
             counts = np.sum(in_threads(workers, count_path, range(NOISY_PATHS)), axis=0)
             drawn[NOISY] = Section(NOISY, *edges, counts, points)

@@ -5,7 +5,7 @@ A bifurcation diagram has the velocity before the impacts alone, as counts or as
 """
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from functools import partial
 from pathlib import Path
@@ -120,7 +120,7 @@ class ExponentsAt(AtValue):
 
 @dataclass(frozen=True)
 class VelocitiesAt(AtValue):
-    """Velocities y1 before the impacts of the orbit and of a noisy path, at both meshes."""
+    """Velocities y1 before the impacts of the orbit and of a noisy path, at all meshes."""
 
     group: ClassVar[str] = "velocities"
 
@@ -131,7 +131,7 @@ class VelocitiesAt(AtValue):
         path = Regime()
         record = noisy_record(self.scene, self.seed, path, impacts=self.points, tangent=False)
         noisy = np.concatenate([np.empty(0), *(s.before[:, 1] for s, _ in record)])
-        orbit, regime = _orbit_velocities(self.scene, self.points, (1, 2))
+        orbit, regime = _orbit_velocities(self.scene, self.points, range(1, 1 + self.scene.stages))
         velocities = {ORBIT_SECTION: orbit, NOISY: noisy[: self.points]}
         table = pd.concat([pd.DataFrame({"side": s, "y1": y1}) for s, y1 in velocities.items()])
         reasons = {
@@ -260,7 +260,7 @@ def stationary_bifurcation(
     )
 
 
-def _orbit_velocities(scene: Scene, impacts: int, meshes: tuple[int, ...]) -> tuple[Floats, Regime]:
+def _orbit_velocities(scene: Scene, impacts: int, meshes: Sequence[int]) -> tuple[Floats, Regime]:
     """Velocities y1 before the impacts of the orbit at some meshes; none without a record."""
     regime = Regime()
     record = orbit_record(scene, impacts, regime, tangent=False)

@@ -137,6 +137,7 @@ def speed(as_json: bool) -> None:
 
     Beside it stands its lower bound: random numbers and arithmetic alone.
     """
+    from rattle.compare.report.provenance import versions
     from rattle.montecarlo.bench import bench as measure
 
     table = measure()
@@ -145,6 +146,7 @@ def speed(as_json: bool) -> None:
         return
     names = {
         "ns": "ns per path-step",
+        "ns_wheel": "and wheel",
         "times_floor": "times floor",
         "gain": "times as fast",
         "us": "us per path",
@@ -153,7 +155,7 @@ def speed(as_json: bool) -> None:
     say(
         "Processor time of one core, the least of several turns; ratios are medians. Floor: one"
         " normal and the\narithmetic of one step. Times as fast: as a path-step of the skilled"
-        " loop, or as a normal by standard_normal.",
+        f" loop, or as a normal by standard_normal.\nProcessor: {versions()['processor']}.",
         keep="\n",
     )
 

@@ -17,6 +17,7 @@ from rattle.scene import InputError, OutputError, count, line, nearest
 from rattle.scene.files import read_text, read_toml
 from rattle.scene.gears_input import find_measured, read_measured
 from rattle.scene.progress import apart_from_bars
+from rattle.scene.types import MOST_WHEELS
 
 NARROWEST_LINE = 20
 """Characters of the shortest line; a narrower terminal wraps it."""
@@ -99,33 +100,56 @@ def animate(
     say(f"Animation: {out} ({out.stat().st_size / 1e3:.0f} kB): {shown.sentence}")
 
 
-def template(name: str) -> str:
-    """Text of a scene file with DAT21's values."""
-    text = (
-        files("rattle.compare.cli").joinpath("templates", "gears.toml").read_text(encoding="utf-8")
-    )
-    return text.replace("NAME", line(name))
+def template(name: str, wheels: int | None = None) -> str:
+    """Text of a scene file: DAT21's pair, or a shaft and the loose wheels that it drives."""
+    folder = files("rattle.compare.cli").joinpath("templates")
+    texts = {
+        part: folder.joinpath(f"{part}.toml").read_text(encoding="utf-8")
+        for part in ("gears", "gearbox", "wheel")
+    }
+    if wheels is None:
+        return texts["gears"].replace("NAME", line(name))
+    text = texts["gearbox"].replace("NAME", line(name))
+    for number in range(2, wheels + 1):
+        # mm: from the lowest gear to the highest, at one distance of the shafts
+        parent_radius = 19.0 + 27.0 * (number - 2) / max(wheels - 2, 1)
+        radius = 77.0 - parent_radius
+        # kg mm^2 of a steel wheel some 20 mm wide; N mm
+        inertia = 4e-4 * radius**4
+        torque = radius
+        text += texts["wheel"].format(
+            number=number - 1,
+            parent_radius=parent_radius,
+            radius=radius,
+            inertia=inertia,
+            torque=torque,
+        )
+    return text
 
 
 @click.command()
 @click.argument("file", type=shared.FILE_PATH, default=Path("gears.toml"))
-def init(file: Path) -> None:
+@shared.whole("wheels", None, "Loose wheels: a gearbox in place of the pair; 1 to 32.")
+def init(file: Path, wheels: int | None) -> None:
     """Write a scene file to start from, with comments.
 
-    Every key has its unit, its meaning and the value of DAT21. FILE is gears.toml if none is given;
-    an existing file is never replaced.
+    Every key has its unit, its meaning and a value: those of DAT21, or with --wheels those of a
+    made-up gearbox. FILE is gears.toml if none is given; an existing file is never replaced.
 
     Exit codes: 0 written; 2 not.
     """
-    text = template(file.name)
+    if wheels is not None:
+        count("wheels", wheels, most=MOST_WHEELS)
+    text = template(file.name, wheels)
     try:
         with file.open("x", encoding="utf-8") as new:
             new.write(text)
     except FileExistsError:
         raise OutputError(f"{file}: exists already; give another name") from None
     first = f"rattle simulate {file} --paths 10000 --units physical"
+    what = "a gear pair" if wheels is None else "a gearbox"
     say(
-        f"{file}: a gear pair to change; then: rattle stationary {file}; the first impacts, in"
+        f"{file}: {what} to change; then: rattle stationary {file}; the first impacts, in"
         f" seconds: {first}"
     )
 

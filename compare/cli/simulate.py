@@ -2,6 +2,7 @@
 
 import math
 import warnings
+from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -22,7 +23,7 @@ from rattle.compare.cli.shared import (
     say_part,
 )
 from rattle.compare.report.folder import check_own, check_place, write_whole
-from rattle.scene import InputError, Scene, positive
+from rattle.scene import InputError, Scene, positive, section_names, state_names
 from rattle.scene.progress import do
 from rattle.scene.units import UNITS, check_units, in_units
 
@@ -35,7 +36,7 @@ JSON_UNITS = (
     "Units of --json: dimensionless, or physical for a scene with [gears]. [default: dimensionless]"
 )
 STEP_BIAS = "Measure the bias of an Euler-Maruyama step, with --paths (two thirds more work)."
-COMPARED_HELP = "Closure to compare; repeatable. [default: all]"
+COMPARED_HELP = "Closure to compare; repeatable. [default: all that can be applied]"
 QUANTITY_HELP = (
     "Quantity that the accuracy is for; repeatable. [default: rate_above, speed_above,"
     " energy_per_period]"
@@ -170,22 +171,24 @@ def _say_run(run: "Ensemble", units: str, workers: int) -> None:
     """Print the section table, what was simulated, and the means and sds that miss the accuracy,
     the worst by name."""
     from rattle.compare.report.render import render_lines
+    from rattle.compare.report.texts import name_wheels
 
     say(section_table(run, units), keep="\n")
-    moments = 2 * (2 + 2 * run.scene.stages) * len(run.columns["mesh"])
+    moments = 2 * len(section_names(run.scene.stages)) * len(run.columns["mesh"])
     say_lines(
         render_lines("cli/simulated.j2", run=run, workers=workers, moments=moments, most=MOST_NAMED)
     )
+    say_lines(name_wheels(run.scene))
 
 
 COLUMN_FORMATS = {"se_": ".2g", "bias_": ".2g", "sd_": ".4g"}
 """How columns are printed whose names begin so: errors may be far smaller than what they belong to.
 """
-COLUMNS_SHOWN = (
-    *("tau", "se_tau", "bias_tau", "sd_tau"),
-    *(f"{error}{name}" for name in ("y1", "y2") for error in ("", "se_", "bias_", "sd_")),
-    *("mesh", "side", "agreement"),
-)
+
+
+WIDEST_LINE = 208
+"""Characters of a line of the table: two wheels in physical units, with biases; the columns of
+further wheels stand below."""
 
 
 def section_table(run: "Ensemble", units: str) -> str:
@@ -199,22 +202,35 @@ def section_table(run: "Ensemble", units: str) -> str:
     gears = run.scene.gears
     missed = run.reach.missed if run.reach else ()
     columns = in_units(run.columns, gears, units)
-    physical = gears.units.columns_of if gears is not None and units == "physical" else {}
+    physical = gears.units if gears is not None and units == "physical" else None
     stars = {(f"{'sd_' if row.moment == 'sd' else ''}{row.quantity}", row.impact) for row in missed}
-    texts = [["impact", *map(str, range(1, len(columns["mesh"]) + 1))]]
-    for column in COLUMNS_SHOWN:
-        name = physical[column][0] if column in physical else column
+
+    def write(column: str) -> Iterator[list[str]]:
+        """Head and cells of a column, unless it is absent or empty."""
+        name = physical.name_of(column) if physical else column
         values = columns[name].tolist() if name in columns else []
         if all(math.isnan(value) for value in values):
-            continue
+            return
         forms = [form for start, form in COLUMN_FORMATS.items() if name.startswith(start)]
         form = forms[0] if forms else ".5f"
         cells = [
             format(value, form) if isinstance(value, float) else str(value) for value in values
         ]
         starred = [cell + "*" * ((column, k) in stars) for k, cell in enumerate(cells, start=1)]
-        texts.append([name, *starred])
-    return "\n".join(align_columns(list(zip(*texts, strict=True)), ">" * len(texts)))
+        yield [name, *starred]
+
+    impacts = ["impact", *map(str, range(1, len(columns["mesh"]) + 1))]
+    quantities = ["tau", *state_names(run.scene.stages)[1::2]]
+    groups = [[start + name for start in ("", "se_", "bias_", "sd_")] for name in quantities]
+    blocks = [[impacts]]
+    for group in (*groups, ["mesh", "side", "agreement"]):
+        texts = [text for column in group for text in write(column)]
+        width = sum(2 + max(map(len, text)) for text in (*blocks[-1], *texts))
+        if width > WIDEST_LINE:
+            blocks.append([impacts])
+        blocks[-1] += texts
+    tables = (align_columns(list(zip(*block, strict=True)), ">" * len(block)) for block in blocks)
+    return "\n\n".join(map("\n".join, tables))
 
 
 @click.command()
@@ -256,7 +272,7 @@ def stationary(
     reached: the budget ended, or only more gear sets would help.
     """
     from rattle.compare.chaos.sweep import stationary_bifurcation, vary
-    from rattle.compare.stationary.verdicts import CLOSURES_JUDGED
+    from rattle.compare.stationary.verdicts import default_closures
     from rattle.montecarlo.long_run.run import ASKED
 
     check_units(units or "dimensionless", base.gears)
@@ -277,7 +293,7 @@ def stationary(
     if settings["budget"] is None and settings["periods"] is None:
         settings["budget"] = STATIONARY_BUDGET
     settings["quantities"] = list(quantities or ASKED)
-    settings["closures"] = [] if no_closures else list(closures or CLOSURES_JUDGED)
+    settings["closures"] = [] if no_closures else list(closures or default_closures(base))
     if at:
         do(f"stationary: bifurcation diagram at {len(at)} values of {field}")
     view = stationary_bifurcation(scenes, field, seed=seed, workers=workers) if at else None

@@ -66,7 +66,7 @@ class Shared:
         base.begin()
         seen: list[Floats] = []
         base.follow(SCALE_PERIODS, seen)
-        self._scales = scales_of_pilot(np.concatenate(seen), self.slow)
+        self._scales = scales_of_pilot(self.scene.stages, np.concatenate(seen), self.slow)
         base.begin(self._scales)
         # its second quarter agrees with its second half; twice, for what the test cannot see
         self.burn_in = 2 * max(settled.periods // 4, 1)

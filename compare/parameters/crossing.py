@@ -28,11 +28,11 @@ from rattle.compare.stationary.result import unit_of
 from rattle.compare.stationary.study import LongCell, LongResult
 from rattle.montecarlo.kernel.blocks import Budget
 from rattle.montecarlo.long_run import expect_run
-from rattle.montecarlo.long_run.estimates import all_names, most_unseen
+from rattle.montecarlo.long_run.estimates import check_quantity, most_unseen
 from rattle.montecarlo.looks import BUDGET_ENDED, Looks
 from rattle.montecarlo.seed import Rng, read_whole_seed
 from rattle.montecarlo.statistics.intervals import half_width, tail_of
-from rattle.scene import InputError, Scene, choice, positive
+from rattle.scene import InputError, Scene, positive
 from rattle.scene.changes import same_speed
 from rattle.scene.errors import BudgetEnded
 from rattle.scene.numpy_errors import numpy_defaults
@@ -234,7 +234,7 @@ def crossing(
     """
     parameter, low, high, time_left = check_search(scene, over, between, points, width, budget)
     seed = read_whole_seed(rng)
-    choice("quantity", quantity, all_names(scene.stages))
+    check_quantity("quantity", quantity, scene.stages)
     level = float(positive("level", level))
     positive("slow", slow)
     if progress:

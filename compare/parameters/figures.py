@@ -1,5 +1,7 @@
 """The figures of boundaries, maps, crossings and sensitivities."""
 
+from typing import Any
+
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
@@ -20,6 +22,7 @@ COLOURS: dict[str, str] = {
 LESS = "#0072B2"
 MORE = "#D55E00"
 BENT_COLOUR = "#999999"
+MOST_BARS = 16  # of a quantity: the figure shows those that matter, the table has all
 
 
 def boundary_figure(found: AlongParameter) -> Figure:
@@ -108,15 +111,16 @@ def map_figure(curve: pd.DataFrame, points: pd.DataFrame, along: str, over: str)
     return figure
 
 
-def tornado(table: pd.DataFrame, quantities: list[str]) -> Figure:
-    """Draw the effects on every quantity as bars, the strongest first."""
+def tornado(found: Any, quantities: list[str]) -> Figure:
+    """Draw the effects of a `Sensitivity` on every quantity as bars, the strongest first."""
+    table = found.table
     columns = min(len(quantities), 2)
     rows = -(-len(quantities) // columns)
-    most = table.groupby("quantity")["effect"].count().max()
+    most = min(table.groupby("quantity")["effect"].count().max(), MOST_BARS)
     figure, axes = new_figure(4.6 * columns, rows * (0.9 + 0.2 * most), rows, columns)
     for ax, quantity in zip(axes, quantities, strict=False):
         rows_shown = table[table["quantity"] == quantity].dropna(subset="effect")
-        bars = rows_shown.sort_values("effect", key=abs)
+        bars = rows_shown.sort_values("effect", key=abs).tail(MOST_BARS)
         effect = 100.0 * bars[["effect", "low", "high"]].to_numpy().T
         colours = np.where(effect[0] < 0.0, LESS, MORE)
         colours[~bars["linear"].to_numpy(bool)] = BENT_COLOUR
@@ -130,7 +134,9 @@ def tornado(table: pd.DataFrame, quantities: list[str]) -> Figure:
         )
         ax.set_yticks(y, bars["parameter"])
         ax.axvline(0.0, color="0.3", lw=0.8)
-        ax.set_title(quantity_words(quantity).removeprefix("the ").replace("`", ""), loc="left")
+        ax.set_title(
+            quantity_words(found.scene, quantity).removeprefix("the ").replace("`", ""), loc="left"
+        )
         ax.set_xlabel(f"change (%) for {PERCENT} more of the parameter")
     for ax in axes[len(quantities) :]:
         ax.remove()

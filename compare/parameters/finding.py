@@ -1,23 +1,25 @@
 """What boundaries, maps, crossings and sensitivities find has in common, and its words."""
 
+from functools import partial
 from typing import Any, ClassVar
 
 import pandas as pd
 
 from rattle.compare.report.finding import Finding
 from rattle.compare.report.render import render_sentences
-from rattle.compare.report.texts import read_texts
+from rattle.compare.report.texts import label_quantity, read_texts, wheel_label
 from rattle.montecarlo.looks import BUDGET_ENDED
+from rattle.scene import Scene
 from rattle.scene.numpy_errors import numpy_defaults
 
 PARAMETER_TEXTS = read_texts("parameters")
 
 
-def quantity_words(quantity: str) -> str:
-    """A quantity in words."""
+def quantity_words(scene: Scene, quantity: str) -> str:
+    """A quantity of a scene in words."""
     kind, _, mesh = quantity.partition("_mesh")
     words = PARAMETER_TEXTS["quantities"].get(kind, f"`{kind}`")
-    return f"{words} at mesh {mesh}" if mesh else str(words)
+    return f"{words} at mesh {wheel_label(scene, int(mesh))}" if mesh else str(words)
 
 
 def by_error(rows: pd.DataFrame) -> pd.DataFrame:
@@ -35,6 +37,7 @@ class AlongParameter(Finding):
     # a parameter with which what is judged is known to grow
     grows_with: ClassVar[str] = ""
 
+    scene: Scene
     over: str
     unit: str
     edges: tuple[Any, ...]
@@ -45,5 +48,9 @@ class AlongParameter(Finding):
         """Where the verdict changes in words, and what is not known."""
         points = self.points.to_dict("records")
         return render_sentences(
-            "parameters/search_answer.j2", found=self, points=points, budget_ended=BUDGET_ENDED
+            "parameters/search_answer.j2",
+            found=self,
+            points=points,
+            budget_ended=BUDGET_ENDED,
+            label=partial(label_quantity, self.scene),
         )

@@ -28,13 +28,13 @@ from rattle.montecarlo.looks import begin_budget
 from rattle.montecarlo.seed import Rng, read_whole_seed
 from rattle.montecarlo.statistics.intervals import CONFIDENCE, half_width, tail_of
 from rattle.scene import (
-    SECTION,
     Floats,
     InputError,
     Scene,
     check_scene,
     count,
     duration_text,
+    section_names,
 )
 from rattle.scene.numpy_errors import numpy_defaults
 from rattle.scene.progress import ESTIMATES, ProgressBar
@@ -213,7 +213,8 @@ def closure_sensitivity(
     groups = values.shape[1]
     mesh = again(scene, rng=seed).section["mesh"].to_numpy()
     unit = values[0, :, 1].mean(axis=0)
-    unit[at_wall(np.array(SECTION)[:, None], mesh)] = math.nan
+    quantities = section_names(scene.stages)
+    unit[at_wall(np.array(quantities)[:, None], mesh)] = math.nan
     rows = []
     for k, name in enumerate(scenes):
         slope = _predict_slope(chosen[name], method, impacts)
@@ -222,7 +223,7 @@ def closure_sensitivity(
             checks = slope.size * len(scenes)
             change = _change(predicted, changed[:, :, m, q, i], unit[q, i], checks, allowed[m])
             change |= {"parameter": name, "impact": i + 1}
-            change |= {"quantity": SECTION[q], "moment": CHANGED_MOMENTS[m]}
+            change |= {"quantity": quantities[q], "moment": CHANGED_MOMENTS[m]}
             rows.append(change)
     table = judge(pd.DataFrame(rows).assign(paths=float(groups * group_paths)))
     return ClosureSensitivity(scene, method.name, table[CHANGE_COLUMNS], groups * group_paths)
@@ -266,11 +267,13 @@ def _predict_slope(parameter: Parameter, method: Closure, impacts: int) -> Float
 def _moments(section: pd.DataFrame, scene: Scene, impacts: int) -> Floats:
     """Means and sds of a section table, physical where there are gears; shape (moments, quantities,
     impacts)."""
-    names = [prefix + quantity for prefix in ("", "sd_") for quantity in SECTION]
+    quantities = section_names(scene.stages)
+    names = [prefix + quantity for prefix in ("", "sd_") for quantity in quantities]
     table = section.reindex(index=range(1, impacts + 1), columns=names)
     if scene.gears is not None:
-        table *= [scene.gears.units.columns_of[name][1] for name in names]
-    return table.to_numpy(float).T.reshape(len(CHANGED_MOMENTS), len(SECTION), impacts)
+        units = [scene.gears.units.of_column(name) for name in names]
+        table *= [unit[1] for unit in units if unit]
+    return table.to_numpy(float).T.reshape(len(CHANGED_MOMENTS), len(quantities), impacts)
 
 
 def _change(

@@ -17,6 +17,7 @@ from rattle.compare.parameters.sensitivity import EFFECTS, Sensitivity
 from rattle.compare.report.finding import Finding
 from rattle.compare.report.report import Report
 from rattle.compare.report.table import NO_VALUE
+from rattle.compare.report.texts import label_quantities
 from rattle.compare.study.parameters import PERCENT, RELATIVE_CHANGES
 from rattle.scene.text import percent
 
@@ -51,7 +52,7 @@ def make_report(found: Any, record: dict[str, Any]) -> Report:
     figures = {}
     if isinstance(found, Sensitivity):
         tables["values"] = found.values.reset_index()
-        rows = _in_percent(rows)
+        rows = label_quantities(found.scene, _in_percent(rows))
         figures = _tornados(found)
     elif isinstance(found, ClosureSensitivity):
         rows = by_error(rows[rows["verdict"].isin(verdict.JUDGED)])
@@ -97,4 +98,4 @@ def _tornados(found: Sensitivity) -> dict[str, Figure]:
         groups["by_mesh" if "_mesh" in name else "sensitivity"].append(name)
     if not all(groups.values()):
         groups = {"sensitivity": list(found.values.index)}
-    return {name: tornado(found.table, group) for name, group in groups.items()}
+    return {name: tornado(found, group) for name, group in groups.items()}

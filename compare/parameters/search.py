@@ -22,7 +22,7 @@ from rattle.montecarlo.diagnostics.reference import Simulated
 from rattle.montecarlo.kernel.blocks import Budget
 from rattle.montecarlo.looks import BUDGET_ENDED, Looks, order_ends_first
 from rattle.montecarlo.statistics.intervals import widest
-from rattle.scene import SECTION, Scene, duration_text
+from rattle.scene import Scene, duration_text, section_names
 from rattle.scene.progress import ESTIMATES
 
 PATHS_OF_LOOKS = (4096, 16384, 65536, 262_144, 1_048_576)
@@ -69,10 +69,10 @@ class Widths(NamedTuple):
     wrong: float
 
 
-def critical(impacts: int, stages: int, searches: int = 1) -> Widths:
+def critical(impacts: int, wheels: int, searches: int = 1) -> Widths:
     """The half widths at every look of some searches (Bonferroni), one look of each value taken
     again."""
-    rows = 2 * (len(SECTION) - (0 if stages == 2 else 2)) * impacts
+    rows = 2 * len(section_names(wheels)) * impacts
     looks = (len(PATHS_OF_LOOKS) + 1) * MOST_VALUES * searches
     return Widths(widest(looks), widest(rows * looks))
 

@@ -5,6 +5,7 @@ import math
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -29,7 +30,7 @@ from rattle.compare.study.parameters import (
     choose_parameters,
 )
 from rattle.montecarlo.kernel.blocks import Budget
-from rattle.montecarlo.long_run.estimates import all_names
+from rattle.montecarlo.long_run.estimates import check_quantity
 from rattle.montecarlo.looks import begin_budget
 from rattle.montecarlo.seed import Rng, read_whole_seed
 from rattle.montecarlo.statistics.intervals import CONFIDENCE, half_width, tail_of
@@ -124,7 +125,7 @@ class Sensitivity(Finding):
             values=self.values,
             said=self.said,
             change=PERCENT,
-            quantity_words=quantity_words,
+            quantity_words=partial(quantity_words, self.scene),
             words_of_value=words_of_value,
         )
 
@@ -160,16 +161,17 @@ class Sensitivity(Finding):
         """
         from rattle.compare.parameters.figures import tornado
 
-        return tornado(self.table, list(self.values.index))
+        return tornado(self, list(self.values.index))
 
 
-def default_quantities(stages: int) -> tuple[str, ...]:
+def default_quantities(wheels: int) -> tuple[str, ...]:
     """Impacts that are not slow and energy lost, per unit of time, and mean and 95 % speed of
     impacts, by mesh."""
     names = ("power", "rate_above", "speed_above", "q95_speed_above")
-    if stages == 1:
+    if wheels == 1:
         return names
-    return ("power", "rate_above", *(f"{name}_mesh{m}" for m in (1, 2) for name in names))
+    meshes = range(1, wheels + 1)
+    return ("power", "rate_above", *(f"{name}_mesh{m}" for m in meshes for name in names))
 
 
 @numpy_defaults
@@ -246,7 +248,7 @@ def sensitivity(
     chosen_names = default_quantities(scene.stages) if quantities is None else quantities
     asked = list(dict.fromkeys(chosen_names))
     for name in asked:
-        choice("quantities", name, all_names(scene.stages))
+        check_quantity("quantities", name, scene.stages)
     chosen = choose_parameters(scene, parameters)
     positive("accuracy", accuracy)
     positive("slow", slow)

@@ -31,6 +31,7 @@ from rattle.montecarlo.statistics.intervals import half_width, tail_of
 from rattle.scene import Floats, InputError, Scene, compile_ahead, count, positive
 from rattle.scene.numpy_errors import numpy_defaults
 from rattle.scene.progress import ESTIMATES, ProgressBar, do
+from rattle.scene.threshold import rattle_threshold
 
 RUN_UP_BUDGET = 60.0  # core-seconds
 FEWEST_IN_A_POINT = 4  # periods of the ramp for each speed, to say anything there
@@ -389,7 +390,7 @@ def _tabulate_points(ramp: SpeedRamp, runs: list[SteadyRun]) -> pd.DataFrame:
     rows = []
     for run in sorted(runs, key=lambda run: run.rpm):
         row: dict[str, Any] = {"rpm": run.rpm, "omega": float(ramp.omega_at(np.array(run.rpm)))}
-        for wheel in ramp.thresholds_at(run.rpm, ramp=False):
+        for wheel in rattle_threshold(ramp.scene_at(run.rpm)):
             row[f"drag{wheel.wheel}"] = wheel.drag
             row[f"threshold{wheel.wheel}"] = wheel.least
         long_run = run.found.run if run.found else None
@@ -409,7 +410,8 @@ def _find_thresholds(ramp: SpeedRamp, speeds: list[float]) -> pd.DataFrame:
         in_ramp = motion == "ramp"
         crossings = ramp.openings(wheel, speeds, in_ramp)
         if not crossings:
-            opens = ramp.thresholds_at(speeds[0], in_ramp)[wheel - 1].opens
+            opens = ramp.opens(wheel, speeds[0], in_ramp)
             crossings = [(np.nan, opens)]
         rows += [(motion, wheel, rpm, opens) for rpm, opens in crossings]
-    return pd.DataFrame(rows, columns=["motion", "wheel", "rpm", "opens"])
+    crossed = pd.DataFrame(rows, columns=["motion", "wheel", "rpm", "opens"])
+    return crossed.assign(name=[ramp.scene.wheel_names[row[1] - 1] for row in rows])

@@ -58,7 +58,9 @@ def count_period(
     """Nominal processor time of a period of a path of a scene with these constants."""
     walk = Walk(scene, seed, 0, RAMP_PILOT_PATHS)
     walk.change_constants(constants, quiet_of(scene, slow, None))
-    sums = new_sums(RAMP_PILOT_PATHS, 1 + PILOT_SETTLING // PILOT_PERIODS, no_scales(slow), False)
+    sums = new_sums(
+        RAMP_PILOT_PATHS, 1 + PILOT_SETTLING // PILOT_PERIODS, no_scales(scene.stages, slow), False
+    )
     walk.follow(sums, PILOT_SETTLING + PILOT_PERIODS, PILOT_PERIODS)
     impacts = float(sums.main[:, -1, NUMBER].sum()) / (RAMP_PILOT_PATHS * PILOT_PERIODS)
     return PERIOD_SECONDS + IMPACT_SECONDS * impacts

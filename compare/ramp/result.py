@@ -1,12 +1,14 @@
 """The result of a run-up, and what it says in sentences."""
 
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
 from rattle.compare.report.finding import Finding
 from rattle.compare.report.render import render_sentences
+from rattle.compare.report.texts import wheel_label
 from rattle.compare.stationary.result import speed_text
 from rattle.scene import Scene
 from rattle.scene.numpy_errors import numpy_defaults
@@ -46,8 +48,9 @@ class RunUp(Finding):
         A row for each speed: excitation ``omega``, drag and threshold of rattle of each wheel in
         N mm, the ``paths, periods, burn_in`` of the run, and a ``remark`` why there is none.
     thresholds : DataFrame
-        Speeds at which closed teeth of a ``wheel`` begin to open without noise (``opens``: above
-        that speed), at constant speed and in the ramp; NaN where it is the same at all speeds.
+        Speeds at which closed teeth of a ``wheel``, of that ``name``, begin to open without noise
+        (``opens``: above that speed), at constant speed and in the ramp; NaN where it is the same
+        at all speeds.
     overall : DataFrame
         Over the whole ramp: how much more or less than at constant speeds, and what halving the
         stretches of the ramp changes, as shares, with 95 % intervals.
@@ -82,6 +85,9 @@ class RunUp(Finding):
         power = self.table[self.table["quantity"] == "power"].set_index("rpm")
         most = power["value"].idxmax() if power["value"].notna().any() else None
         at_most = self.table[self.table["rpm"] == most].set_index("quantity")
+        meshes = range(1, self.scene.stages + 1)
+        by_mesh = at_most["value"].reindex([f"power_mesh{mesh}" for mesh in meshes])
+        loudest = 1 + int(by_mesh.to_numpy().argmax()) if by_mesh.notna().all() else None
         seen = self.table[(self.table["quantity"] == "rate_above") & (self.table["low"] > 0.0)]
         changes = pd.DataFrame()
         if self.ramp_paths:
@@ -92,10 +98,12 @@ class RunUp(Finding):
             found=self,
             most=most,
             at_most=at_most.to_dict("index"),
+            loudest=loudest,
+            label=partial(wheel_label, self.scene),
             least=speed_text(self.slow, self.scene.gears, "physical"),
             begins=seen["rpm"].min() if len(seen) else None,
             speeds=self.points["remark"].eq("").sum(),
-            thresholds=self.thresholds.to_dict("records"),
+            thresholds=_join_wheels(self.thresholds),
             changes=[_largest(rows) for _, rows in changes.groupby("quantity", sort=False)]
             if len(changes)
             else [],
@@ -116,6 +124,14 @@ class RunUp(Finding):
         from rattle.compare.ramp.figures import run_up_figure
 
         return run_up_figure(self.table, self.thresholds, self.points["rpm"])
+
+
+def _join_wheels(thresholds: pd.DataFrame) -> list[dict[str, Any]]:
+    """Thresholds with all the `wheels` of which the same is said; without a speed None."""
+    columns = ["motion", "rpm", "opens"]
+    same = thresholds.groupby(columns, sort=False, dropna=False, as_index=False)
+    rows: list[dict[str, Any]] = same.agg(wheels=("wheel", list)).to_dict("records")  # type: ignore[assignment]
+    return [row | {"rpm": None if pd.isna(row["rpm"]) else row["rpm"]} for row in rows]
 
 
 def _largest(rows: pd.DataFrame) -> dict[Any, Any]:

@@ -4,17 +4,17 @@ docs/guide/run-up.md derives what a change of speed does to the dimensionless mo
 """
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 
 from rattle.montecarlo.long_run.ramp import RampStretch
 from rattle.scene import Constants, Floats, InputError, Scene, check_scene, positive
 from rattle.scene.gears import KG_MM_PER_S2_PER_N, SPEEDS, Gears
-from rattle.scene.threshold import RattleThreshold, rattle_threshold
+from rattle.scene.threshold import least_drags
+from rattle.scene.wheel import complete_wheels
 
 THRESHOLD_HALVINGS = 40  # of the interval in which a threshold lies
 TURN = 2.0 * math.pi
@@ -74,19 +74,23 @@ class SpeedRamp:
 
     @cached_property
     def rim_acceleration(self) -> float:
-        """Acceleration of all pitch circles in the ramp, mm/s^2."""
+        """Acceleration of the driver's pitch circle in the ramp, mm/s^2."""
         rad_s2 = SPEEDS["speed_rpm"] * (self.last - self.first) / self.seconds
-        return float(self.gears.values["driver_radius"]) * rad_s2
+        # gears of any number of wheels may have it with the first of them
+        radius = self.gears.values.get("driver_radius") or self.gears.tree[0].parent_radius
+        assert radius is not None  # no mean speed is taken without it
+        return float(radius) * rad_s2
 
     def added_gamma(self, gears: Gears) -> float:
-        """What the acceleration of the mean rotation adds to the drag of every wheel."""
-        return self.rim_acceleration / (gears.backlash1 * gears.omega**2)
+        """What the acceleration of the mean rotation adds to the drag of a wheel, over its turn:
+        the ratio of the speeds of its rim and the driver's."""
+        return self.rim_acceleration / (gears.units.length * gears.omega**2)
 
     def added_torque(self, wheel: int) -> float:
         """The same as a torque on a wheel, N mm, at any speed."""
-        inertia = float(getattr(self.gears, f"inertia{wheel}"))
-        radius = float(getattr(self.gears, f"radius{wheel}"))
-        return inertia * self.rim_acceleration / radius / KG_MM_PER_S2_PER_N
+        at = self.gears.tree[wheel - 1]
+        turn = float(self.scene.constants.wheels["turn"][wheel - 1])
+        return at.inertia * turn * self.rim_acceleration / at.radius / KG_MM_PER_S2_PER_N
 
     def constants_at(self, rpm: float) -> Constants:
         """The constants of the motion in the ramp while it passes a speed."""
@@ -96,17 +100,18 @@ class SpeedRamp:
         rate = self.rates[2]
         damping = rate / scene.gears.omega**2
         drag = self.added_gamma(scene.gears)
-        changed: dict[str, Any] = {"beta1": c.beta1 + damping, "gamma1": c.gamma1 + drag}
-        if c.stages == 2:
-            changed |= {"beta2": c.beta2 + damping, "gamma2": c.gamma2 + drag}
-        for name in ("gamma1", "gamma2"):
-            if changed.get(name, 0.0) < 0.0:
+        wheels = c.wheels.copy()
+        wheels["beta"] += damping
+        wheels["gamma"] += wheels["turn"] * drag
+        complete_wheels(wheels, c.drive)
+        for name, gamma in zip(scene.wheel_names, wheels["gamma"], strict=True):
+            if gamma < 0.0:
                 why = (
-                    f"is too short: at {rpm:.4g} 1/min wheel {name[-1]} would be slowed down by"
+                    f"is too short: at {rpm:.4g} 1/min wheel {name} would be slowed down by"
                     " more than its drag does, and overtake the driver; give more"
                 )
                 raise InputError("seconds", self.seconds, why)
-        return c._replace(**changed)
+        return c._replace(wheels=wheels)
 
     def stretches(self, slow: float, periods: int) -> tuple[list[RampStretch], Floats]:
         """The ramp in stretches of so many periods, each at the speed in its middle, and these."""
@@ -122,29 +127,23 @@ class SpeedRamp:
         """A dimensionless speed of the file's scene at another speed: the same in mm/s."""
         return slow * self.file_rpm / rpm
 
-    def thresholds_at(self, rpm: float, ramp: bool) -> tuple[RattleThreshold, ...]:
-        """The threshold of rattle of each wheel at a speed, at rest or in the ramp."""
-        scene = self.scene_at(rpm)
-        if not ramp:
-            return rattle_threshold(scene)
-        c = self.constants_at(rpm)
-        return rattle_threshold(replace(scene, gamma1=c.gamma1, gamma2=c.gamma2))
+    def opens(self, wheel: int, rpm: float, ramp: bool) -> bool:
+        """Whether closed teeth of a wheel open at a speed, constant or in the ramp."""
+        c = self.constants_at(rpm) if ramp else self.scene_at(rpm).constants
+        return bool((c.wheels["gamma"] < least_drags(c))[wheel - 1])
 
     def openings(self, wheel: int, speeds: list[float], ramp: bool) -> list[tuple[float, bool]]:
         """Where closed teeth of a wheel begin to open, or cease to: the speed, and whether they
         open at higher ones."""
 
-        def opens(rpm: float) -> bool:
-            return self.thresholds_at(rpm, ramp)[wheel - 1].opens
-
-        known = [(rpm, opens(rpm)) for rpm in speeds]
+        known = [(rpm, self.opens(wheel, rpm, ramp)) for rpm in speeds]
         crossings = []
         for (low, before), (high, after) in pairwise(known):
             if before == after:
                 continue
             for _ in range(THRESHOLD_HALVINGS):
                 middle = 0.5 * (low + high)
-                if opens(middle) == before:
+                if self.opens(wheel, middle, ramp) == before:
                     low = middle
                 else:
                     high = middle

@@ -13,9 +13,10 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
 
 from rattle.closure import CLOSURES
-from rattle.scene import STATE
+from rattle.scene import state_names
 from rattle.scene.changes import unit_of_value, words_of_value
 from rattle.scene.plot import ShownFigure
+from rattle.scene.types import MOST_WHEELS
 
 OWN_COLORS = ("#882255", "#332288", "#999933", "#117733", "#AA4499", "#661100")
 OWN_MARKERS = "P*Xhp8"
@@ -42,8 +43,9 @@ STYLE = Styles(
 STYLE["monte carlo"] = {"color": "#000000", "marker": "D"}
 ACCURATE_COLOUR = "#56B4E9"
 FORBIDDEN = "#CC79A7"
-SYMBOL = {"tau": r"$\tau$", "flight": r"$\Delta\tau$", "rho1": r"$\rho_1$", "rho2": r"$\rho_2$"}
-SYMBOL |= {name: f"${name[0]}_{name[1]}$" for name in STATE}
+SYMBOL = {"tau": r"$\tau$", "flight": r"$\Delta\tau$"}
+SYMBOL |= {f"rho{i}": rf"$\rho_{{{i}}}$" for i in range(1, MOST_WHEELS + 1)}
+SYMBOL |= {name: f"${name[0]}_{{{name[1:]}}}$" for name in state_names(MOST_WHEELS)}
 
 VALUE_LABELS = {
     "alpha": r"excitation amplitude $\alpha$",
@@ -79,6 +81,18 @@ def new_figure(width: float, height: float, rows: int, columns: int) -> tuple[Fi
         figure = ShownFigure(figsize=(width, height), layout="constrained")
         axes = figure.subplots(rows, columns, squeeze=False)
     return figure, list(axes.ravel())
+
+
+def new_panels(
+    number: int, most_columns: int, width: float, height: float
+) -> tuple[Figure, list[Axes]]:
+    """A figure of some panels of one size, in rows of so many at most."""
+    columns = min(number, most_columns)
+    rows = -(-number // columns)
+    figure, axes = new_figure(width * columns, height * rows, rows, columns)
+    for ax in axes[number:]:
+        ax.set_visible(False)
+    return figure, axes[:number]
 
 
 def legend_above(figure: Figure, axes: Sequence[Axes], columns: int) -> None:

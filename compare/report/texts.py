@@ -8,7 +8,9 @@ import tomllib
 from importlib.resources import files
 from typing import Any
 
-from rattle.scene import Gears, InputError
+import pandas as pd
+
+from rattle.scene import Gears, InputError, Scene
 
 
 def read_texts(package: str) -> dict[str, Any]:
@@ -24,6 +26,38 @@ def _join_lines(value: Any) -> Any:
     if isinstance(value, dict):
         return {name: _join_lines(inner) for name, inner in value.items()}
     return " ".join(value.split()) if isinstance(value, str) else value
+
+
+def wheel_label(scene: Scene, wheel: int) -> str:
+    """The number of a wheel or of its mesh, and the name that its file gives it: "2 (shaft)"."""
+    name = scene.wheel_names[wheel - 1]
+    return str(wheel) if name == str(wheel) else f"{wheel} ({name})"
+
+
+def name_wheels(scene: Scene) -> list[str]:
+    """Which wheel has which name and meshes with which other one, for a list of sentences; nothing
+    for the short form of one or two wheels."""
+    if not scene.wheels:
+        return []
+    meshes = ", ".join(
+        f"{wheel_label(scene, number)} with {wheel.parent or 'the driver'}"
+        for number, wheel in enumerate(scene.tree, 1)
+    )
+    meshes = meshes.replace(" with ", " meshes with ", 1)
+    return [f"Wheel {meshes}. Mesh and stage 1, x1 and y1 are those of wheel 1, and so on."]
+
+
+def label_quantity(scene: Scene, quantity: str) -> str:
+    """The name of a quantity, and the name of the wheel at its mesh: "power_mesh2 (shaft)"."""
+    name, _, mesh = quantity.partition("_mesh")
+    # a study may have scenes of more wheels than its own
+    label = wheel_label(scene, int(mesh)) if mesh and int(mesh) <= scene.stages else mesh
+    return f"{name}_mesh{label}" if mesh else name
+
+
+def label_quantities(scene: Scene, rows: pd.DataFrame) -> pd.DataFrame:
+    """Rows whose quantities have the names of the wheels at their meshes, as a page shows them."""
+    return rows.assign(quantity=[label_quantity(scene, name) for name in rows["quantity"]])
 
 
 def read_file(package: str, name: str) -> str:

@@ -2,7 +2,7 @@
 errors."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -13,7 +13,8 @@ from matplotlib.figure import Figure
 from rattle.closure.stationary import Law
 from rattle.compare.chaos.figures import draw_cells, label_velocity, speed_unit
 from rattle.compare.report.style import ACCURATE_COLOUR, STYLE, legend_above, new_figure
-from rattle.montecarlo.long_run import LongRun, SectionDensity
+from rattle.compare.report.texts import wheel_label
+from rattle.montecarlo.long_run import LongRun
 from rattle.montecarlo.statistics.intervals import half_width
 from rattle.scene import Floats, Gears
 
@@ -32,7 +33,7 @@ def draw(found: Any, scatter: pd.DataFrame, sets: Mapping[str, Floats]) -> dict[
     gears = found.scene.gears
     out = {
         "distribution": distribution_figure(run, found.laws, gears),
-        "section": section_figure(run.densities, gears),
+        "section": section_figure(run, gears),
     }
     if sets:
         out["scatter"] = scatter_figure(scatter, sets)
@@ -49,9 +50,11 @@ def distribution_figure(run: LongRun, laws: Mapping[str, Law | str], gears: Gear
     of the closures."""
     t = half_width(run.paths)
     meshes = len(run.densities)
-    figure, axes = new_figure(max(4.6 * meshes, LEGEND_WIDTH), 3.6, 1, meshes)
+    columns = min(meshes, 2)
+    rows = -(-meshes // columns)
+    figure, axes = new_figure(max(4.6 * columns, LEGEND_WIDTH), 3.6 * rows, rows, columns)
     factor, unit = speed_unit(gears)
-    for ax, density in zip(axes, run.densities, strict=True):
+    for ax, density in zip(axes, run.densities, strict=False):
         value, se = run.velocity_density(density.mesh) / np.array([[factor]])
         edges = factor * density.velocity
         top = float((value + t * se).max())
@@ -75,9 +78,12 @@ def distribution_figure(run: LongRun, laws: Mapping[str, Law | str], gears: Gear
         slow = factor * run.slow
         ax.axvspan(-slow, slow, color="0.6", alpha=0.3, lw=0, label="slow impacts")
         ax.set_xlabel(rf"velocity before the impact $y_{density.mesh}$ ({unit})")
-        ax.set_title(f"mesh {density.mesh}", loc="left")
-    axes[0].set_ylabel(f"probability density (1 / ({unit}))")
-    legend_above(figure, axes, 3)
+        ax.set_title(f"mesh {wheel_label(run.scene, density.mesh)}", loc="left")
+    for ax in axes[:meshes:columns]:
+        ax.set_ylabel(f"probability density (1 / ({unit}))")
+    legend_above(figure, axes[:meshes], 3)
+    for ax in axes[meshes:]:
+        ax.remove()
     return figure
 
 
@@ -93,9 +99,10 @@ def _speeds(ax: Axes, law: Law, mesh: int, closure: str, edges: Floats, factor: 
             ax.axvline(at, ymax=0.12, color=colour, lw=2.0, label=f"{closure}: mean speed")
 
 
-def section_figure(densities: Sequence[SectionDensity], gears: Gears | None) -> Figure:
+def section_figure(run: LongRun, gears: Gears | None) -> Figure:
     """Draw the density of the section over phase and velocity, and its relative error in every
     cell."""
+    densities = run.densities
     rows = len(densities)
     factor, unit = speed_unit(gears)
     figure, axes = new_figure(9.2, 0.6 + 2.9 * rows, rows, 2)
@@ -109,7 +116,7 @@ def section_figure(densities: Sequence[SectionDensity], gears: Gears | None) -> 
         error = draw_cells(right, *edges, relative, 0.01, 1.0, "magma_r")
         for ax, what in ((left, "density"), (right, "standard error / density")):
             ax.set_xlabel(r"phase of the excitation ($\pi$ rad)")
-            ax.set_title(f"mesh {d.mesh}: {what}", loc="left")
+            ax.set_title(f"mesh {wheel_label(run.scene, d.mesh)}: {what}", loc="left")
         label_velocity(left, d.mesh, unit)
         figure.colorbar(image, ax=left, pad=0.01, label=f"1 / (rad · {unit})")
         figure.colorbar(error, ax=right, pad=0.01, label="share of the density")

@@ -10,8 +10,8 @@ import pandas as pd
 from rattle.compare.report.render import render_text
 from rattle.compare.stationary.result import Stationary
 from rattle.compare.stationary.verdicts import (
-    CLOSURES_JUDGED,
     choose_closures,
+    default_closures,
     law_of,
     values_of,
 )
@@ -49,7 +49,7 @@ def stationary(
     slow: float = 0.1,
     resolve: float | None = None,
     budget: float | None = None,
-    closures: Sequence[str] = tuple(CLOSURES_JUDGED),
+    closures: Sequence[str] | None = None,
     rng: Rng = 0,
     workers: int = 1,
     progress: str | None = None,
@@ -86,8 +86,9 @@ def stationary(
         Seconds of processor time that the simulation may take, all threads together; compiling is
         not counted.  When it ends, what there is is returned, with wider intervals.  Without it,
         what is expected to take more than an hour is refused.
-    closures : sequence of str
-        Closures that ``verdicts`` of the result judges; computed when that is asked for.
+    closures : sequence of str, optional
+        Closures that ``verdicts`` of the result judges, by default all that apply to the scene;
+        computed when that is asked for.
     rng : int, SeedSequence, Generator or BitGenerator
         Seed.  The result is the same bit for bit for any number of workers.  A generator of numpy
         gives a child of its seed sequence, another one each time that it is passed.
@@ -119,7 +120,8 @@ def stationary(
     """
     check_scene(scene)
     compile_ahead.expect("stationary", len(scene.drive))
-    named = choose_closures("closures", closures)
+    chosen = default_closures(scene) if closures is None else closures
+    named = choose_closures("closures", chosen, scene)
     rng = read_seed(rng)
     do("stationary: the motion without noise")
     orbit = attractor(scene)

@@ -13,11 +13,18 @@ from rattle.compare.judge.verdict import MARKS, Verdict
 from rattle.compare.report.render import render_sentences
 from rattle.compare.report.report import Report
 from rattle.compare.report.table import NO_VALUE, Table
-from rattle.compare.report.texts import CLOSURE_TERMS, VERDICT_TERMS, glossary
+from rattle.compare.report.texts import (
+    CLOSURE_TERMS,
+    VERDICT_TERMS,
+    glossary,
+    label_quantities,
+    wheel_label,
+)
 from rattle.compare.stationary.result import LEAST_EFFECTIVE, Stationary, speed_text
 from rattle.compare.stationary.verdicts import STATIONARY_TEXTS, TOLERANCES
 from rattle.montecarlo.long_run.scatter import FEWEST_SETS
-from rattle.scene.changes import UNIT_VALUES
+from rattle.scene import Scene
+from rattle.scene.changes import is_unit
 from rattle.scene.text import number_text, percent
 from rattle.scene.threshold import rattle_threshold
 
@@ -64,7 +71,7 @@ def make_report(found: Stationary, view: Bifurcation | None, record: dict[str, A
     content = {
         "found": found,
         "by_mesh": tabulate_meshes(found, shown),
-        "quantities": quantities,
+        "quantities": label_quantities(found.scene, quantities),
         "slow": speed_text(found.slow, gears, units),
         "field": record["field"],
         "tolerances": TOLERANCES,
@@ -73,14 +80,14 @@ def make_report(found: Stationary, view: Bifurcation | None, record: dict[str, A
         tables["physical"] = quantities
     if len(found.verdicts):
         tables["verdicts"] = found.verdicts_in(units)
-        content["verdicts"] = _verdicts(tables["verdicts"])
+        content["verdicts"] = label_quantities(found.scene, _verdicts(tables["verdicts"]))
     if len(found.scatter):
         content["scatter"] = tables["scatter"] = found.scatter_in(units)
     if found.densities:
         tables["sections"] = pd.concat([d.table for d in found.densities], ignore_index=True)
     if view is not None:
         figures["bifurcation"] = bifurcation_figure(
-            view, gears=None if view.field in UNIT_VALUES else gears
+            view, gears=None if is_unit(found.scene, view.field) else gears
         )
         tables["bifurcation"] = view.table
     return Report(
@@ -103,11 +110,12 @@ def tabulate_meshes(found: Stationary, table: pd.DataFrame) -> Table:
     meshes = range(1, found.scene.stages + 1)
     rows = []
     for name, words in BY_MESH.items():
-        by_mesh = found.scene.stages == 2 or name.endswith("_share")
+        by_mesh = found.scene.stages > 1 or name.endswith("_share")
         names = [f"{name}_mesh{mesh}" if by_mesh else name for mesh in meshes]
         cells = [show_quantity(shown, name) if name in shown.index else NO_VALUE for name in names]
         rows.append([words.format(time), *cells])
-    return Table.of(["", *(f"mesh {mesh}" for mesh in meshes)], rows)
+    heads = (f"mesh {wheel_label(found.scene, mesh)}" for mesh in meshes)
+    return Table.of(["", *heads], rows)
 
 
 def answer(found: Stationary) -> list[str]:
@@ -118,13 +126,16 @@ def answer(found: Stationary) -> list[str]:
     # 0 where all paths have the same
     memory = memory[(memory > 0.0) & ~memory.index.str.startswith(("contact", "skew_"))]
     meshes = range(1, found.scene.stages + 1)
-    closed = ((mesh, table["value"][f"contact_share_mesh{mesh}"]) for mesh in meshes)
+    label = partial(wheel_label, found.scene)
+    closed = ((label(mesh), table["value"][f"contact_share_mesh{mesh}"]) for mesh in meshes)
     verdicts = found.verdicts_in(units)
     closures = verdicts.groupby("closure", sort=False) if len(verdicts) else ()
     return render_sentences(
         "stationary/answer.j2",
         found=found,
         thresholds=rattle_threshold(found.scene),
+        label=label,
+        shares=share_energy(found.scene, table),
         value=table["value"],
         high=table["high"],
         show=partial(show_quantity, table),
@@ -147,6 +158,26 @@ def answer(found: Stationary) -> list[str]:
         fewest_sets=FEWEST_SETS,
         closures={closure: rows.to_dict("records") for closure, rows in closures},
     )
+
+
+def share_energy(scene: Scene, table: pd.DataFrame) -> list[tuple[str, str]]:
+    """The share of each mesh in the energy that impacts lose, the largest first: its label, and the
+    range of the share in percent while every energy lies in its interval.
+
+    Of three meshes or more: of two both energies are stated.
+    """
+    if scene.stages < 3:
+        return []
+    names = {f"power_mesh{mesh}": mesh for mesh in range(1, scene.stages + 1)}
+    lost = table.reindex(list(names)).dropna(subset="value")
+    lost = lost[lost["value"] > 0.0].sort_values("value", ascending=False)
+    low = lost["low"] / (lost["low"] + lost["high"].sum() - lost["high"])
+    high = lost["high"] / (lost["high"] + lost["low"].sum() - lost["low"])
+    shares = []
+    for name, least, most in zip(lost.index, low, high, strict=True):
+        ends = dict.fromkeys((number_text(100.0 * least, 2), number_text(100.0 * most, 2)))
+        shares.append((wheel_label(scene, names[str(name)]), " to ".join(ends)))
+    return shares
 
 
 def show_quantity(table: pd.DataFrame, name: str) -> str:

@@ -30,7 +30,7 @@ LEAST_EFFECTIVE = 16.0
 LEAST_SHARE = 0.25  # of the paths, where there are few
 DRAWN_OF_SETS = ("rate_above", "speed_above", "power")
 """Quantities whose distribution over gear sets is drawn."""
-MESH_OR_MOMENT = re.compile(r"^(sd_|rms_|q\d\d_)|(_above)?(_mesh[12])?$")
+MESH_OR_MOMENT = re.compile(r"^(sd_|rms_|q\d\d_)|(_above)?(_mesh\d+)?$")
 """What the name of a quantity says beside its kind."""
 NUMERIC = ["value", "se", "low", "high", "se_batches"]
 NUMERIC += ["predicted", "simulated", "error", "tolerance"]
@@ -61,9 +61,9 @@ def kind_of(quantity: str) -> str:
 def unit_of(quantity: str, gears: Gears | None, units: str) -> tuple[str, float]:
     """The unit of a quantity, and its factor; empty and 1 for one without a unit.
 
-    The energy is that of both wheels in relative motion.  Its unit is the mass of wheel 1 at its
-    rim, ``I1 / R1^2``, times the square of ``backlash1 omega``; at mesh 2 the reduced mass of both
-    wheels counts.
+    The energy is that of the wheels at the mesh in relative motion.  Its unit is the mass of wheel
+    1 at its rim, ``I1 / R1^2``, times the square of ``backlash1 omega``; between two loose wheels
+    their reduced mass counts.
     """
     kind = kind_of(quantity)
     if gears is None or check_units(units, gears) == "dimensionless" or kind not in QUANTITY_UNITS:

@@ -2,8 +2,10 @@
 kind ``stationary``."""
 
 import math
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields, replace
+from itertools import cycle
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import pandas as pd
@@ -14,7 +16,7 @@ from rattle.compare.judge.verdict import JUDGED, Tolerances, Verdict, span
 from rattle.compare.report.render import render_sentences
 from rattle.compare.report.style import STYLE, new_figure
 from rattle.compare.report.table import Table, of_numbers
-from rattle.compare.report.texts import CLOSURE_TERMS, VERDICT_TERMS
+from rattle.compare.report.texts import CLOSURE_TERMS, VERDICT_TERMS, label_quantity
 from rattle.compare.stationary.measure import ESTIMATE_COLUMNS, stationary
 from rattle.compare.stationary.result import in_units, plain_unit
 from rattle.compare.stationary.verdicts import (
@@ -23,6 +25,7 @@ from rattle.compare.stationary.verdicts import (
     STATIONARY_TEXTS,
     TOLERANCES,
     choose_closures,
+    default_closures,
     judge_predictions,
     predictions,
 )
@@ -180,7 +183,7 @@ class LongTables:
                 verdicts = self.verdicts
                 for name, value in fixed.items() if len(verdicts) else ():
                     verdicts = verdicts[verdicts[name] == value]
-                return study_figure(self.study.along, part, verdicts)
+                return study_figure(self.study, part, verdicts)
         raise InputError(
             "study", self.study.title, "no field varies over numbers, or nothing could be computed"
         )
@@ -231,18 +234,18 @@ def combine(study: Study, found: Mapping[str, LongResult]) -> LongTables:
     )
 
 
-def read(given: Mapping[str, Any], varying: set[str]) -> dict[str, Any]:
+def read(given: Mapping[str, Any], varying: set[str], scene: Scene) -> dict[str, Any]:
     """Read the fields of `Study` that ``[study]`` gives."""
     settings = {name: given[name] for name in (*LONG_RUN_SETTINGS, "seed") if name in given}
     for name in varying & {"scheme", "dt", *settings}:
         raise InputError(
             f"study.{name}", name, "cannot vary in a study of the long run, or varies twice"
         )
-    closures = given.get("closures", tuple(CLOSURES_JUDGED))
+    closures = given.get("closures", default_closures(scene))
     if isinstance(closures, str | Mapping) or not hasattr(closures, "__iter__"):
         raise InputError("study.closures", closures, "give a list of " + ", ".join(CLOSURES_JUDGED))
     return {
-        "closures": choose_closures("study.closures", closures),
+        "closures": choose_closures("study.closures", closures, scene),
         "impacts": 1,
         "order": 2,
         "settings": settings,
@@ -264,51 +267,56 @@ def cells(
     return cell, (), {}
 
 
-ALL_AND_MESHES = ("{}", "{}_mesh1", "{}_mesh2")
+BY_MESH = re.compile(r"(_mesh\d+)?")
+BY_QUANTILE = re.compile(r"q(05|50|95)_")
 PANELS = (
-    ("impacts", r"per $1/\omega$", "rate", ALL_AND_MESHES),
-    (
-        "energy lost",
-        r"$I_1/R_1^2\,(\nu_1\omega)^2$ per period",
-        "energy_per_period",
-        ALL_AND_MESHES,
-    ),
-    ("speed: 5, 50 and 95 %", r"$\nu_1\omega$", "speed", ("q05_{}", "q50_{}", "q95_{}")),
-    ("slow impacts", "share", "slow_share", ALL_AND_MESHES),
+    ("impacts", r"per $1/\omega$", "rate", BY_MESH),
+    ("energy lost", r"$I_1/R_1^2\,(\nu_1\omega)^2$ per period", "energy_per_period", BY_MESH),
+    ("speed: 5, 50 and 95 %", r"$\nu_1\omega$", "speed", BY_QUANTILE),
+    ("slow impacts", "share", "slow_share", BY_MESH),
 )
-"""Title of each panel, its unit, and the quantities in it."""
+"""Title of each panel, its unit, its quantity, and what is beside that in the names that it shows:
+all meshes, or quantiles."""
 PHYSICAL_PANELS = (
-    ("impacts that are not slow", "per second", "rate_above", ALL_AND_MESHES),
-    ("energy lost", "mW", "power", ALL_AND_MESHES),
-    ("their speed: 5, 50, 95 %", "mm/s", "speed_above", ("q05_{}", "q50_{}", "q95_{}")),
+    ("impacts that are not slow", "per second", "rate_above", BY_MESH),
+    ("energy lost", "mW", "power", BY_MESH),
+    ("their speed: 5, 50, 95 %", "mm/s", "speed_above", BY_QUANTILE),
     PANELS[-1],
 )
 """The same where a value of the gears varies in its own unit."""
 AVERAGES = ("speed", "slow_share", "energy_per_period")
 """Quantities whose autocorrelation is drawn."""
+LINE_COLOURS = (
+    *("#000000", "#0072B2", "#D55E00", "#009E73"),
+    *("#CC79A7", "#E69F00", "#56B4E9", "#777777"),
+)
 STYLES: Any = [
     {"color": color, "marker": marker, "ms": 3, "lw": 1.0}
-    for color, marker in (("#000000", "D"), ("#0072B2", "o"), ("#D55E00", "s"))
+    for color, marker in zip(LINE_COLOURS, "DosvpX^h", strict=True)
 ]
 
 
-def study_figure(along: str, quantities: pd.DataFrame, verdicts: pd.DataFrame) -> Figure:
+def study_figure(study: Study, quantities: pd.DataFrame, verdicts: pd.DataFrame) -> Figure:
     """Draw rates, losses, speeds, slow shares and the closures' verdicts over the first field that
     varies."""
+    along = study.along
+    names = [str(name) for name in quantities["quantity"].unique()]
     figure, axes = new_figure(10.0, 6.0, 2, 3)
     of: dict[Any, Any] = dict(iter(quantities.groupby("quantity")))
     panels_shown = PHYSICAL_PANELS if "unit" in quantities else PANELS
-    for ax, (title, unit, quantity, forms) in zip(axes, panels_shown, strict=False):
-        for form, style in zip(forms, STYLES, strict=True):
-            if (name := form.format(quantity)) in of:
-                rows = of[name].sort_values(along)
-                band = {"color": style["color"], "alpha": 0.25, "lw": 0}
-                ax.fill_between(along, "low", "high", data=rows, **band)
-                ax.plot(along, "value", data=rows, label=name, **style)
+    for ax, (title, unit, quantity, beside) in zip(axes, panels_shown, strict=False):
+        shown_here = [
+            n for n in names if quantity in n and beside.fullmatch(n.replace(quantity, ""))
+        ]
+        for name, style in zip(shown_here, cycle(STYLES), strict=False):
+            rows = of[name].sort_values(along)
+            band = {"color": style["color"], "alpha": 0.25, "lw": 0}
+            ax.fill_between(along, "low", "high", data=rows, **band)
+            ax.plot(along, "value", data=rows, label=label_quantity(study.scene, name), **style)
         ax.set_title(title, loc="left")
         ax.set_ylabel(unit)
     memory, shown = axes[4:]
-    averages = [name for name in quantities["quantity"].unique() if name in AVERAGES]
+    averages = [name for name in names if name in AVERAGES]
     for name, style in zip(averages, STYLES, strict=False):
         memory.plot(along, "autocorrelation", data=of[name], label=name, **style)
     memory.set(yscale="log", ylabel="impacts")

@@ -4,19 +4,22 @@ A law is a mixture of normal distributions over impacts.
 """
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 import pandas as pd
 from scipy.special import ndtr
 
+from rattle.closure.mean_map import closures_for
+from rattle.closure.moments import check_row
 from rattle.closure.stationary import Law, NotPredicted, branching_law, linear_law, orbit_average
 from rattle.compare.judge.verdict import judge
 from rattle.compare.report.texts import read_texts
 from rattle.montecarlo.long_run.estimates import QUANTILES, all_names, groups
 from rattle.montecarlo.statistics.intervals import half_width, widest
 from rattle.scene import Floats, Scene, choice
+from rattle.scene.impact import energy_loss
 from rattle.scene.long_orbit import Attractor, attractor
 
 CLOSURES_JUDGED = {
@@ -26,6 +29,8 @@ CLOSURES_JUDGED = {
     "branching": "mixture",
 }
 """The closures, and what each takes for the stationary law."""
+
+OF_PAPER = ("published", "corrected")  # closures of its one or two wheels in a row
 
 STATIONARY_TEXTS = read_texts("stationary")
 TOLERANCES: str = STATIONARY_TEXTS["tolerances"]
@@ -52,9 +57,20 @@ VERDICT_COLUMNS = [
 HALVINGS = 80  # of an interval that holds a quantile
 
 
-def choose_closures(field: str, names: Iterable[Any]) -> tuple[str, ...]:
-    """Check names of closures that have a stationary law, each taken once."""
-    return tuple(dict.fromkeys(choice(field, name, CLOSURES_JUDGED) for name in names))
+def default_closures(scene: Scene) -> tuple[str, ...]:
+    """The closures that have a stationary law and apply to a scene."""
+    applicable = closures_for(scene)
+    return tuple(name for name in CLOSURES_JUDGED if name in applicable)
+
+
+def choose_closures(field: str, names: Iterable[Any], scene: Scene) -> tuple[str, ...]:
+    """Check names of closures that have a stationary law, each taken once; those of the paper are
+    refused for other wheels than its."""
+    chosen = tuple(dict.fromkeys(choice(field, name, CLOSURES_JUDGED) for name in names))
+    for name in OF_PAPER:
+        if name in chosen:
+            check_row(name, scene)
+    return chosen
 
 
 def laws(
@@ -201,10 +217,10 @@ def law_of(a: Attractor) -> Law:
     back = np.empty(n)
     turn = 2.0 * math.pi * a.periods
     mesh = a.mesh[1:]
-    for struck in (1, 2):
+    for struck in np.unique(mesh):
         tau = a.tau[1:][mesh == struck]
         back[mesh == struck] = (tau - np.roll(tau, 1)) % turn if tau.size > 1 else turn
-    speed = np.abs(np.where(mesh == 1, a.before[1:, 1], a.before[1:, 3]))
+    speed = np.abs(a.before[1 + np.arange(n), 2 * mesh - 1])
     return Law(n / turn, np.full(n, 1.0 / n), mesh, speed, zero, np.diff(a.tau), zero, back, zero)
 
 
@@ -270,12 +286,14 @@ def _describe(
 
 
 def values_of(
-    law: Law, scene: Scene, slow: float, contact: tuple[float, float] = (0.0, 0.0)
+    law: Law, scene: Scene, slow: float, contact: Sequence[float] = ()
 ) -> dict[str, float]:
     """All quantities of `rattle.montecarlo.long_run.estimates.estimates` by a stationary law."""
     out = dict.fromkeys(all_names(scene.stages), math.nan)
-    lost = 0.5 * (1.0 - scene.epsilon**2) * np.where(law.mesh == 1, 1.0, scene.mu)
-    lost = lost * (law.speed**2 + law.sd_speed**2)
+    meshes = range(1, scene.stages + 1)
+    at_speed_1 = np.array([energy_loss(scene.constants, mesh, 1.0) for mesh in meshes])
+    lost = at_speed_1[law.mesh - 1] * (law.speed**2 + law.sd_speed**2)
+    shares = contact if len(contact) else np.zeros(scene.stages)
     for g, suffix in groups(scene.stages):
         part = (law.mesh == g) | (g == 0)
         share = float(law.weight[part].sum())
@@ -299,6 +317,4 @@ def values_of(
         values |= _describe("flight", weight, flight[part], sd_flight[part])
         values |= _describe("speed", *speed) | _describe("speed_above", *speed, above=slow)
         out |= {name + suffix: value for name, value in values.items() if name + suffix in out}
-    return out | {
-        f"contact_share_mesh{mesh}": contact[mesh - 1] for mesh in range(1, scene.stages + 1)
-    }
+    return out | {f"contact_share_mesh{mesh}": shares[mesh - 1] for mesh in meshes}

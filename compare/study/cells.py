@@ -26,7 +26,7 @@ from rattle.montecarlo.diagnostics.accuracy import FEWEST_PATHS, sampling_error,
 from rattle.montecarlo.ensemble.simulate_rare import begin_rare
 from rattle.montecarlo.kernel.blocks import Blocks, in_threads
 from rattle.montecarlo.settings import Sampling
-from rattle.scene import SECTION, Floats, InputError, Scene, choice, positive
+from rattle.scene import Floats, InputError, Scene, choice, positive, section_names
 
 FACTS_STORED = ("paths", "path_steps", "sticking_steps", "unfinished")
 """What is stored of an ensemble besides its table."""
@@ -160,7 +160,7 @@ class Sample(Cell):
         """What `_sections` has made a table of."""
         biases = []
         for moment, prefix in (("mean", ""), ("sd", "sd_")):
-            for quantity in SECTION:
+            for quantity in section_names(self.scene.stages):
                 columns = {f"{name}_{prefix}{quantity}": name for name in BIAS}
                 if columns.keys() <= set(wide):
                     rows = wide[[*columns]].rename(columns=columns).reset_index()
@@ -222,7 +222,9 @@ def _sections(run: Ensemble) -> pd.DataFrame:
             BATCH.format(moment, quantity): [*np.ascontiguousarray(batches.T)]
             for moment in ("mean", "sd", "control")
             for quantity, batches in zip(
-                SECTION, np.moveaxis(getattr(run.batches, moment)[filled], -1, 0), strict=True
+                section_names(run.scene.stages),
+                np.moveaxis(getattr(run.batches, moment)[filled], -1, 0),
+                strict=True,
             )
         }
         parts.append(pd.DataFrame(columns, index=run.section.index))
@@ -279,7 +281,7 @@ class Prediction(Cell):
     @property
     def core_seconds(self) -> float:
         """Expected cost, with all components of a mixture."""
-        return self.method.most_seconds(self.impacts)
+        return self.method.most_seconds(self.impacts, self.scene.stages)
 
     def evaluate(self, blocks: Blocks | None = None) -> tuple[pd.DataFrame, Facts]:
         """Evaluate the closure."""

@@ -29,17 +29,17 @@ from rattle.scene import (
     nearest,
     positive,
 )
-from rattle.scene.changes import DRAWN, ORDER_FIELD, SCENE_FIELDS, UNIT_VALUES, change
+from rattle.scene.changes import ORDER_FIELD, axis_names, change, is_unit, spell
 from rattle.scene.files import in_file, read_text, read_toml
-from rattle.scene.gears import check_typed, values_of
+from rattle.scene.gears import check_typed
 from rattle.scene.gears_input import GEAR_FIELDS, OPTIONAL, check_plausible
 from rattle.scene.numpy_errors import numpy_defaults
+from rattle.scene.scene import TABLES
 
 SETTING_NAMES = ("scheme", "paths", "accuracy", "dt", "seed")
 """Settings of the simulation that an axis may vary, in addition to the fields of the scene."""
 
 GEAR_NAMES = (*GEAR_FIELDS, *OPTIONAL)
-VARIABLE = (*SCENE_FIELDS, *SETTING_NAMES)
 MOST_GRID_POINTS = 100_000  # largest number of grid points of a study
 AXIS_EXAMPLE = "write { log = [0.001, 2.0, 24] }, { linear = [0.5, 1.5, 11] } or a list of values"
 
@@ -58,15 +58,17 @@ class Axis(NamedTuple):
     values: tuple[tuple[Any, ...], ...]
 
 
-def read_axes(tables: Sequence[Mapping[str, Any]], gears: Gears | None = None) -> tuple[Axis, ...]:
+def read_axes(tables: Sequence[Mapping[str, Any]], scene: Scene) -> tuple[Axis, ...]:
     """Read the axes from the ``[[axes]]`` tables of a study file.
 
-    `tables`: Each table gives one or more fields (dotted names for parts of the scene, such as
-    ``start.y1`` or ``drive.2.amplitude``; with `gears` their values too, such as ``backlash1``) and
-    their values: a list, ``{ linear = [LOW, HIGH, POINTS] }`` or ``{ log = [LOW, HIGH, POINTS] }``.
-    Fields of one table vary together and need equally many values.
+    `tables`: Each table gives one or more fields of `scene` (dotted names for its parts, such as
+    ``start.y1`` or ``drive.2.amplitude``; of a scene of gears their values too, such as
+    ``backlash1`` or ``wheel.third.torque``) and their values: a list, ``{ linear = [LOW, HIGH,
+    POINTS] }`` or ``{ log = [LOW, HIGH, POINTS] }``. Fields of one table vary together and need
+    equally many values.
     """
-    valid = (*VARIABLE, *((*values_of(gears), *DRAWN) if gears else ()))
+    gears = scene.gears
+    valid = (*axis_names(scene), *SETTING_NAMES)
     axes: list[Axis] = []
     if not isinstance(tables, list | tuple):
         raise InputError("axes", tables, "write each axis as a table [[axes]]")
@@ -76,7 +78,7 @@ def read_axes(tables: Sequence[Mapping[str, Any]], gears: Gears | None = None) -
                 "axes", table, "give each [[axes]] a field and its values, as in sigma = [0.1, 0.2]"
             )
         for name in table:
-            if name not in valid and not ORDER_FIELD.fullmatch(name):
+            if spell(scene, name) not in valid and not ORDER_FIELD.fullmatch(name):
                 why = f"no field of a scene or a simulation; {nearest(name, valid)}"
                 if gears is not None:
                     check_typed(gears, name, "axes")
@@ -86,7 +88,7 @@ def read_axes(tables: Sequence[Mapping[str, Any]], gears: Gears | None = None) -
                         " [scene]"
                     )
                 raise InputError("axes", name, why)
-        columns = {name: _values(name, values) for name, values in table.items()}
+        columns = {spell(scene, name): _values(name, values) for name, values in table.items()}
         lengths = {name: len(values) for name, values in columns.items()}
         if len(set(lengths.values())) > 1:
             raise InputError(
@@ -318,23 +320,23 @@ class Study:
             If a key or a value is wrong; the message names it.
         """
         data = read_toml(text)
-        check_keys("top level", data, ("study", "gears", "scene", "drive", "axes"))
+        check_keys("top level", data, ("study", *TABLES, "axes"))
         given = data.get("study", {})
         if not isinstance(given, Mapping):
             raise InputError("study", given, "write it as a table: [study]")
         name = choice("study.kind", given.get("kind", cls.kind), tuple(STUDY_KINDS))
         kind = kind_of(name)
         check_keys("study", given, ("kind", "title", *kind.KEYS))
-        parts: Facts = {part: data[part] for part in ("gears", "scene", "drive") if part in data}
+        parts: Facts = {part: data[part] for part in TABLES if part in data}
         scene = Scene.from_dict(parts)
-        axes = read_axes(data.get("axes", []), scene.gears)
+        axes = read_axes(data.get("axes", []), scene)
         return cls(
             scene=scene,
             axes=axes,
             title=str(given.get("title", kind.TITLE)),
             text=text,
             kind=name,
-            **kind.read(given, {field for axis in axes for field in axis.names}),
+            **kind.read(given, {field for axis in axes for field in axis.names}, scene),
         )
 
     @property
@@ -416,7 +418,8 @@ class Study:
     @property
     def shown_gears(self) -> Gears | None:
         """The gears in whose units the study is explained; None where these vary along an axis."""
-        return None if set(UNIT_VALUES) & set(self.names) else self.scene.gears
+        varies = any(is_unit(self.scene, name) for name in self.names)
+        return None if varies else self.scene.gears
 
     def _point(self, number: int) -> Point:
         """One point of the grid by its index."""

@@ -19,7 +19,7 @@ from rattle.montecarlo.accuracy.cost import cost_of
 from rattle.montecarlo.accuracy.pilots import choose_scheme
 from rattle.montecarlo.kernel.block import BLOCK
 from rattle.montecarlo.kernel.blocks import Budget, in_threads
-from rattle.montecarlo.kernel.kernel import COLUMNS
+from rattle.montecarlo.kernel.kernel import columns_recorded
 from rattle.montecarlo.settings import count_followed
 
 PATHS_PROBED = 64  # paths whose steps stand for those of all where the number of paths is given
@@ -82,12 +82,12 @@ def estimate(
 ) -> Work:
     """Sum the expected work of cells; `times` is how many cells of the study each represents."""
     steps, seconds = (sum(times(c) * work[c.key][i] for c in cells) for i in (0, 1))
-    copies = (
-        c.impacts * (3 if SCHEMES[c.scheme].has_step_bias else 2)
+    recorded = (
+        c.impacts * columns_recorded(c.scene.stages) * (3 if SCHEMES[c.scheme].has_step_bias else 2)
         for c in cells
         if isinstance(c, Sample)
     )
-    rows = BLOCK * COLUMNS * 8 * max(copies, default=0)
+    rows = BLOCK * 8 * max(recorded, default=0)
     return Work(steps, seconds, BASE_MEGABYTES + 4.0 * workers * rows / 1e6)
 
 

@@ -30,7 +30,7 @@ from rattle.compare.report.provenance import provenance
 from rattle.compare.report.report import Report
 from rattle.compare.report.save import file_digest, write_files
 from rattle.compare.report.table import Table, of_numbers
-from rattle.compare.report.texts import glossary
+from rattle.compare.report.texts import glossary, name_wheels
 from rattle.compare.study.design import STUDY_KINDS, Coordinates, Point, Study, kind_of, page_of
 from rattle.scene import FileError, OutputError, RattleError
 from rattle.scene.files import read_text
@@ -274,7 +274,7 @@ def _write(folder: Path, tables: Any, seconds: Mapping[str, float], facts: Facts
     # another process may have replaced the file meanwhile
     (folder / FILE).write_text(study.text, encoding="utf-8")
     drawn: list[Drawing] = page.draw(tables)
-    answer = page.answer(tables)
+    answer = [*page.answer(tables), *name_wheels(study.scene)]
     record = {
         "version": manifest.VERSION,
         "kind": "study",

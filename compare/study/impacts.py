@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 
 from rattle.closure import CLOSURES
-from rattle.closure.mean_map import ORDER_RANGE, find_closures
+from rattle.closure.mean_map import ORDER_RANGE, closures_for, find_closures
 from rattle.compare.engine.store import Facts
 from rattle.compare.judge.rows import judge_errors
 from rattle.compare.judge.verdict import (
@@ -48,7 +48,6 @@ from rattle.compare.validation.errors import (
 )
 from rattle.montecarlo.statistics.intervals import widest
 from rattle.scene import (
-    SECTION,
     Floats,
     InputError,
     Scene,
@@ -56,6 +55,7 @@ from rattle.scene import (
     choice,
     count,
     positive,
+    section_names,
 )
 from rattle.scene.numpy_errors import numpy_defaults
 from rattle.scene.text import as_html
@@ -70,6 +70,8 @@ TABLES = ("errors", "sections", "correlation", "validity", "paired", "cost", "re
 SMALL = ("correlation", "validity", "cost", "reasons")  # those of them that are written as CSV too
 FLAGS = {"common_noise": True, "on_itinerary": False, "near_branches": False}
 """Those of the fields of `Study` that are true or false, with their defaults."""
+BESIDE = ("rate", "energy")
+"""Rows of ``sections`` that are no section quantities."""
 KEYS = ("impacts", "closures", "order", *SETTING_NAMES, *FLAGS, "within")
 TITLE = "study"
 PAGE = "rattle.compare.study.impacts_page"
@@ -142,7 +144,7 @@ class Tables:
         index = [*(axis.names[0] for axis in self.study.axes), "impact", "quantity", "moment"]
         errors = self.of_all_paths.set_index([*index, "closure"])
         columns = ["predicted", "error", "low", "high", "tolerance", "verdict"]
-        sections = self.sections[self.sections["quantity"].isin(SECTION)].set_index(index)
+        sections = self.sections[~self.sections["quantity"].isin(BESIDE)].set_index(index)
         simulated = sections[["value", "se"]].rename(columns={"value": "simulated"}).to_xarray()
         return with_units(errors[columns].to_xarray().merge(simulated, join="outer"))
 
@@ -179,7 +181,7 @@ def compare_paired(one: Sampled, other: Sampled) -> pd.DataFrame:
     have.
     """
     tables = []
-    for quantity in SECTION[: 2 + 2 * one.scene.stages]:
+    for quantity in section_names(one.scene.stages):
         for moment, prefix in (("mean", ""), ("sd", "sd_")):
             first = _batches(one, moment, quantity)
             second = _batches(other, moment, quantity)
@@ -225,9 +227,14 @@ Triple = tuple[Point, Sampled, list[Predicted]]
 
 def combine(study: Study, results: Mapping[str, Any]) -> Tables:
     """Compute the tables of a study from the results of its cells, by key."""
-    predictions = sum(cell.key in results for point in study.points for cell in point.predictions)
+    rows = sum(
+        2 * len(section_names(cell.scene.stages)) * study.impacts
+        for point in study.points
+        for cell in point.predictions
+        if cell.key in results
+    )
     # 95 % simultaneous coverage over the study (Bonferroni)
-    z = widest(predictions * 2 * len(SECTION) * study.impacts)
+    z = widest(rows)
     points = [
         (
             point,
@@ -299,7 +306,7 @@ def _list_moments(run: Sampled) -> pd.DataFrame:
     }
     absolute = s.assign(tau=run.scene.to_absolute_time(s["tau"].to_numpy()))
     for moment, prefix in (("mean", ""), ("sd", "sd_"), ("skew", "skew_")):
-        for q in SECTION[: 2 + 2 * run.scene.stages]:
+        for q in section_names(run.scene.stages):
             moments[q, moment] = (absolute[prefix + q], s["se_" + prefix + q])
     tables = [
         pd.DataFrame(
@@ -324,14 +331,14 @@ def _correlation(study: Study, points: list[Triple]) -> pd.DataFrame:
 
     Columns: the fields that vary, ``closure, impacts, reached, invalid`` (impacts whose second
     moments are not realizable), ``beyond`` (those of them with ``|rho| > 1``), ``largest`` (|rho|).
-    ``branching`` has no rows, nor has a closure of one's own without ``rho1, rho2``: it predicts no
-    correlations before impacts.
+    ``branching`` has no rows, nor has a closure of one's own without ``rho1, rho2, ...``: it
+    predicts no correlations before impacts.
     """
     rows = []
     for point, prediction in ((p, c) for p, _, predictions in points for c in predictions):
         reached = int(prediction.facts["found"])
         s = prediction.section.iloc[:reached]
-        rho = s[["rho1", "rho2"]].abs()
+        rho = s.filter(regex=r"^rho\d+$").abs()
         none = "agreement" in s or prediction.closure not in CLOSURES
         if none and rho.isna().all(axis=None) and bool(s["realizable"].all()):
             continue
@@ -419,8 +426,9 @@ def _cost(study: Study, results: Mapping[str, Any]) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=[*columns])
 
 
-def read(given: Mapping[str, Any], varying: set[str]) -> Facts:
-    """Read the fields of `Study` that ``[study]`` gives."""
+def read(given: Mapping[str, Any], varying: set[str], scene: Scene) -> Facts:
+    """Read the fields of `Study` that ``[study]`` gives; closures that are not named are those that
+    the scene of the file can have."""
     settings = {name: given[name] for name in SETTING_NAMES if name in given}
     for name, value in settings.items():
         if name in varying:
@@ -433,7 +441,7 @@ def read(given: Mapping[str, Any], varying: set[str]) -> Facts:
             "study.dt", settings.get("dt"), "accuracy chooses the step itself; leave it out"
         )
     return {
-        "closures": _closures(given.get("closures", tuple(CLOSURES))),
+        "closures": _closures(given.get("closures", closures_for(scene))),
         "impacts": count("study.impacts", given.get("impacts", 12)),
         "order": count("study.order", given.get("order", 4), *ORDER_RANGE),
         "settings": settings,

@@ -5,10 +5,14 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from rattle.scene import InputError, Scene, positive
-from rattle.scene.changes import SECOND, change, find_value, unit_of_value, words_of_value
-from rattle.scene.gears import DRIVES, values_of
+from rattle.scene.changes import (
+    change,
+    find_value,
+    parameter_names,
+    unit_of_value,
+    words_of_value,
+)
 from rattle.scene.parts import SINE_ALONE
-from rattle.scene.scene import SWEPT
 from rattle.scene.text import percent
 
 SIGMA_RANGE = (1e-3, 2.0)  # where the noise intensity is searched by default
@@ -50,13 +54,7 @@ def find_parameters(scene: Scene) -> dict[str, Parameter]:
     orders are relative to it.  The noise intensity `sigma` is one of them and stays as it is while
     the others are changed.
     """
-    if scene.gears is None:
-        names = [name for name in SWEPT if scene.stages == 2 or name not in SECOND]
-    else:
-        others = [name for name in values_of(scene.gears) if name not in DRIVES]
-        names = ["amplitude", *(n for n in others if scene.stages == 2 or n[-1] != "2")]
-    names += ["sigma"] if scene.gears is not None else []
-    names += ["correlation_time"]
+    names = parameter_names(scene)
     if scene.drive != SINE_ALONE:
         names += [f"drive.{one.order}.amplitude" for one in scene.drive]
     known = (find_parameter(scene, name) for name in names)

@@ -14,8 +14,6 @@ from rattle.compare.validation.errors import ON_ITINERARY
 from rattle.montecarlo.looks import ladder
 from rattle.montecarlo.settings import MOST_PATHS
 from rattle.scene import (
-    SECTION,
-    STATE,
     FileError,
     InputError,
     Scene,
@@ -24,6 +22,8 @@ from rattle.scene import (
     count,
     finite,
     positive,
+    section_names,
+    state_names,
 )
 from rattle.scene.text import show
 
@@ -99,9 +99,6 @@ RIVALS = ({"within", "absolute"}, {"paths", "accuracy"}, {"budget", "accuracy"})
 """Sets of mutually exclusive options."""
 FEWEST_CLAIM_PATHS = 1024
 """Smallest admissible number of paths, for reliable standard errors of sds."""
-VARYING = ("tau", "y1", "y2")
-"""Default quantities: they vary at every impact, unlike a displacement, which is fixed at the mesh
-that is struck."""
 
 
 class ClaimRow(NamedTuple):
@@ -130,7 +127,7 @@ class Claim:
 
     scene: Scene
     impacts: tuple[int, ...]  # impacts that are checked, ascending
-    quantities: tuple[str, ...]  # names in `rattle.scene.SECTION`
+    quantities: tuple[str, ...]  # names in `rattle.scene.section_names`
     allowed: Mapping[str, Allowed]  # for each moment, ``mean`` or ``sd``
     # simulated paths to begin with; None for those of the session's profile
     paths: int | None = None
@@ -173,9 +170,9 @@ def read_claim(options: Mapping[str, Any], folder: Path) -> Claim:
     file is relative."""
     check_keys("option of the marker rattle", options, CLAIM_OPTIONS)
     scene = _scene(options.get("scene"), folder)
-    absent = STATE[2 * scene.stages :]
-    valid = [quantity for quantity in SECTION if quantity not in absent]
-    varying = [quantity for quantity in VARYING if quantity not in absent]
+    valid = section_names(scene.stages)
+    # these vary at every impact, unlike a displacement, which is fixed at the mesh that is struck
+    varying = ("tau", *state_names(scene.stages)[1::2])
     quantities = _names("quantities", options.get("quantities", varying), valid)
     moments = _names("moments", options.get("moments", CLAIMED_MOMENTS), CLAIMED_MOMENTS)
     impacts = _impacts(options.get("impacts", 4))

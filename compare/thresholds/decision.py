@@ -36,11 +36,11 @@ from rattle.compare.validation.errors import ON_ITINERARY, RULE, TOO_FEW_FOLLOW
 from rattle.montecarlo import SCHEMES
 from rattle.montecarlo.diagnostics.reference import Simulated
 from rattle.montecarlo.kernel.blocks import in_threads
-from rattle.montecarlo.long_run.estimates import all_names
+from rattle.montecarlo.long_run.estimates import check_quantity
 from rattle.montecarlo.looks import Looks
 from rattle.montecarlo.settings import begins
 from rattle.montecarlo.statistics.intervals import AGAIN, widest
-from rattle.scene import SECTION, InputError, Scene, choice
+from rattle.scene import InputError, Scene, choice, section_names
 from rattle.scene.numpy_errors import call_users
 from rattle.scene.progress import print_on_stderr
 
@@ -265,12 +265,12 @@ def predict_long(model: Any, scene: Scene, quantities: str | Sequence[str]) -> L
         why = "give a list, as in quantities=['rate', 'energy']"
         raise InputError("quantities", quantities, why)
     for name in names:
-        if name in SECTION:
+        if name in section_names(scene.stages):
             marker = f"@pytest.mark.rattle(quantities={name!r})"
             why = f"is a moment at each impact: name it in the marker, as in {marker}"
             long_run = "check takes those of the long run, such as 'rate'"
             raise InputError("quantities", name, f"{why}; {long_run}")
-        choice("quantities", name, all_names(scene.stages))
+        check_quantity("quantities", name, scene.stages)
     if isinstance(model, str):
         label = model
         law = laws(scene, (choice("closure", model, CLOSURES_JUDGED),))[model]

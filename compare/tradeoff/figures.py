@@ -1,7 +1,7 @@
 """The figures of a trade-off: error against processor time of all schemes and closures; error
 against the step."""
 
-from itertools import product
+from itertools import cycle, product
 from typing import Any
 
 import numpy as np
@@ -12,8 +12,9 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import NullFormatter
 
-from rattle.compare.report.style import STYLE, SYMBOL, legend_above, new_figure
+from rattle.compare.report.style import OWN_COLORS, STYLE, SYMBOL, legend_above, new_figure
 from rattle.montecarlo.settings import EXACT_SCHEME
+from rattle.scene.types import MOST_WHEELS
 
 SCHEME_STYLES = {
     "euler-maruyama": {"color": "#CC79A7", "marker": "P"},
@@ -70,10 +71,17 @@ def tradeoff_figure(
 QUANTITY_STYLES: Any = {
     "tau": {"color": "#000000", "marker": "o"},
     "flight": {"color": "#999999", "marker": "v"},
-    "x1": {"color": "#56B4E9", "marker": "s"},
-    "y1": {"color": "#0072B2", "marker": "D"},
-    "x2": {"color": "#E69F00", "marker": "s"},
-    "y2": {"color": "#D55E00", "marker": "D"},
+}
+WHEEL_COLOURS = [
+    ("#56B4E9", "#0072B2"),
+    ("#E69F00", "#D55E00"),
+    *((one, one) for one in OWN_COLORS),
+]
+"""Of x and of y of the wheels, one after the other, and again from the first."""
+QUANTITY_STYLES |= {
+    f"{letter}{wheel}": {"color": colour, "marker": marker}
+    for wheel, colours in zip(range(1, MOST_WHEELS + 1), cycle(WHEEL_COLOURS), strict=False)
+    for letter, colour, marker in zip("xy", colours, "sD", strict=True)
 }
 MOMENT_NAMES = {"mean": "section means", "sd": "section sds", "itinerary": "itinerary"}
 

@@ -45,7 +45,7 @@ from rattle.montecarlo.ensemble.simulate_rare import begin_rare
 from rattle.montecarlo.kernel.blocks import Budget, in_threads
 from rattle.montecarlo.looks import CountedWork
 from rattle.montecarlo.statistics.intervals import widest
-from rattle.scene import SECTION, Floats, Scene, positive
+from rattle.scene import Floats, Scene, positive, section_names
 from rattle.scene.progress import ProgressBar
 
 T = TypeVar("T")
@@ -328,7 +328,7 @@ def find_plain(runs: Sequence[Ensemble]) -> Ensemble:
 
 def _moments(scene: Scene) -> list[str]:
     """Columns of every section mean and sd of a scene."""
-    return [prefix + q for q in SECTION[: 2 + 2 * scene.stages] for prefix in ("", "sd_")]
+    return [prefix + q for q in section_names(scene.stages) for prefix in ("", "sd_")]
 
 
 def _in_sds(table: pd.DataFrame, reference: Ensemble, prefix: str = "") -> Floats:
@@ -428,10 +428,11 @@ def means_seconds(
     near rare branches.
     """
     section = model.best.section
-    error = section[["sd_" + q for q in SECTION]].to_numpy()
+    quantities = section_names(model.best.scene.stages)
+    error = section[["sd_" + q for q in quantities]].to_numpy()
     if control:
         paths = section["paths"].to_numpy(float)[:, None]
-        error = section[["se_" + q for q in SECTION]].to_numpy() * np.sqrt(paths)
+        error = section[["se_" + q for q in quantities]].to_numpy() * np.sqrt(paths)
     share = error / units(model.best).to_numpy()
     one = float(np.nanmedian(share) if typical else np.nanmax(share))
     return (one / accuracy) ** 2 * cost_of(model.first, 1).core_seconds

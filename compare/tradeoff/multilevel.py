@@ -25,7 +25,7 @@ from rattle.montecarlo.diagnostics.reference import at_wall
 from rattle.montecarlo.kernel.block import Plan, sample
 from rattle.montecarlo.noise.philox import LEVELS as SIDE_BY_SIDE
 from rattle.montecarlo.settings import EXACT_SCHEME
-from rattle.scene import SECTION, Floats, Scene
+from rattle.scene import Floats, Scene, section_names
 from rattle.scene.progress import ProgressBar
 
 T = TypeVar("T")
@@ -270,6 +270,7 @@ def control_table(
     antithetic pairs, see `antithetic_gain`.
     """
     rows = []
+    quantities = section_names(scene.stages)
     for sigma in ProgressBar(sigmas, label="control variate", unit="sigma", leave=False):
         call = partial(
             simulate,
@@ -288,14 +289,14 @@ def control_table(
         timed = [time_run(call) for _ in range(timings) for call in (plain, controlled)]
         seconds = [time for _, time in timed]
         before, after = (run.section for run, _ in timed[-2:])
-        sd = before[["sd_" + q for q in SECTION]].to_numpy()
+        sd = before[["sd_" + q for q in quantities]].to_numpy()
         least = smallest_sd({str(name): before[name].to_numpy() for name in before})
-        usable = (sd > np.transpose([least[q] for q in SECTION])) & ~at_wall(
-            np.array(SECTION), before[["mesh"]].to_numpy()
+        usable = (sd > np.transpose([least[q] for q in quantities])) & ~at_wall(
+            np.array(quantities), before[["mesh"]].to_numpy()
         )
         row: dict[str, float] = {"sigma": sigma}
         for moment, prefix in (("means", "se_"), ("sds", "se_sd_")):
-            names = [prefix + q for q in SECTION]
+            names = [prefix + q for q in quantities]
             ratios = (before[names] / after[names]).to_numpy()[usable] ** 2
             row[f"{moment}_median"] = float(np.median(ratios))
             row[f"{moment}_smallest"] = float(ratios.min())
@@ -313,13 +314,12 @@ def antithetic_gain(plan: Plan) -> tuple[Floats, Floats]:
     ``(1 + r) / 2`` times that of a path.  Two independent paths have 1 / 2, so the gain is ``1 / (1
     + r)``.  For an sd, r is the correlation of the squared deviations.
 
-    Shapes: result (impacts, 6).
+    Shapes: result (impacts, quantities).
     """
+    # without the code, which is last
     both = np.stack(
         [
-            np.concatenate(
-                [sample(of, n).rows[0, :, :, : len(SECTION)] for n in range(plan.blocks)]
-            )
+            np.concatenate([sample(of, n).rows[0, :, :, :-1] for n in range(plan.blocks)])
             for of in (plan, plan._replace(mirrored=True))
         ]
     )
@@ -328,7 +328,8 @@ def antithetic_gain(plan: Plan) -> tuple[Floats, Floats]:
 
 
 def _pair_gain(values: Floats) -> Floats:
-    """The gain for the mean of values of both paths of each pair, shape (2, pairs, impacts, 6)."""
+    """The gain for the mean of values of both paths of each pair, shape (2, pairs, impacts,
+    quantities)."""
     away = values - np.nanmean(values, axis=(0, 1))
     with np.errstate(invalid="ignore", divide="ignore"):
         pairs = np.nanmean(away.mean(axis=0) ** 2, axis=0)

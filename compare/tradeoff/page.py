@@ -16,6 +16,7 @@ from rattle.compare.report.texts import (
     SCHEME_TERMS,
     SECTION_TERMS,
     glossary,
+    name_wheels,
 )
 from rattle.compare.tradeoff.figures import order_figure, tradeoff_figure
 from rattle.compare.tradeoff.measure import (
@@ -194,6 +195,7 @@ def make_report(m: Tradeoff, record: dict[str, Any]) -> Report:
     costs = _list_costs(m)
     *sentences, multilevel = answer(m, costs)
     scene = m.reference.scene
+    sentences += name_wheels(scene)
     impacts = m.reference.impacts
     slopes = {name: slope(m.points, name, False)[0] for name in m.models}
     means = pd.DataFrame(

@@ -7,6 +7,7 @@ clock measured.
 
 import math
 from collections.abc import Iterable, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -23,6 +24,7 @@ from rattle.compare.judge.verdict import (
     unbroken,
 )
 from rattle.compare.report.render import render_sentences
+from rattle.compare.report.texts import name_wheels, wheel_label
 from rattle.compare.validation import comparison
 from rattle.compare.validation.comparison import Comparison, Sweep
 from rattle.compare.validation.errors import HALF_OF_PATHS, SIMULATED, first_failure
@@ -48,8 +50,10 @@ def _largest_rho(validations: Sequence[Comparison], closure: str) -> float:
     return float(np.fmax(rows[rows["closure"] == closure]["rho"].abs().max(), 0.0))
 
 
-def advice(validity: pd.DataFrame, impacts: int, speed: pd.DataFrame) -> str:
-    """What to take for a gear pair at each noise intensity that was asked for, in one sentence."""
+def advice(
+    validity: pd.DataFrame, impacts: int, speed: pd.DataFrame, gears: str = "gear pair"
+) -> str:
+    """What to take for some gears at each noise intensity that was asked for, in one sentence."""
     takes = []
     for sigma, rows in validity.groupby("sigma", sort=False):
         whole = speed.query("sigma == @sigma and impacts == @impacts")
@@ -67,7 +71,7 @@ def advice(validity: pd.DataFrame, impacts: int, speed: pd.DataFrame) -> str:
             }
         )
     (sentence,) = render_sentences(
-        "validation/advice.j2", takes=takes, impacts=impacts, names=name_all
+        "validation/advice.j2", takes=takes, impacts=impacts, names=name_all, gears=gears
     )
     return sentence
 
@@ -246,6 +250,7 @@ def answer(validations: Sequence[Comparison], swept: Sweep | None = None) -> lis
         raised=raised,
         names=name_all,
         join=join_words,
+        label=partial(wheel_label, first.scene),
     )
     speed = comparison.measure_speeds(validations)
     over = swept.speed if swept else None
@@ -254,13 +259,14 @@ def answer(validations: Sequence[Comparison], swept: Sweep | None = None) -> lis
     transient = describe_transient(first.scene)
     return [
         *([transient] if transient else []),
-        advice(validity, impacts, speed),
+        advice(validity, impacts, speed, "gear pair" if first.scene.stages <= 2 else "gearbox"),
         *([validity_sentence(swept.validity, impacts)] if swept else []),
         *itinerary_sentence(swept.validity if swept else validity, impacts),
         cost_sentence(costs, speed, impacts, duration_words(first), over),
         *motion_sentence(validations),
         *sentences,
         *explain_missing(first.scene, first.predictions),
+        *name_wheels(first.scene),
         *([UNSEARCHED] if first.scene.correlation_time else []),
     ]
 

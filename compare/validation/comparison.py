@@ -64,6 +64,11 @@ class Comparison(Verdicts):
         return self.table[(self.table["closure"] == closure) & (self.table["kind"] == kind)]
 
     @property
+    def meshes(self) -> range:
+        """The numbers of the wheels, each with its mesh, from 1 on."""
+        return range(1, self.scene.stages + 1)
+
+    @property
     def of_all_paths(self) -> pd.DataFrame:
         """The rows of ``table`` that are about all paths."""
         return self.table[self.table["kind"] != ON_ITINERARY]

@@ -333,4 +333,5 @@ def _at_times(prediction: MeanMap, times: Floats) -> tuple[pd.DataFrame, str]:
     except (Exception, SystemExit) as error:
         if not prediction.method.own:
             raise
-        return pd.DataFrame(np.nan, index=times, columns=["rho1", "rho2"]), describe_error(error)
+        rhos = [f"rho{i}" for i in range(1, prediction.scene.stages + 1)]
+        return pd.DataFrame(np.nan, index=times, columns=rhos), describe_error(error)

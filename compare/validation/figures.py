@@ -13,7 +13,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
-from rattle.compare.judge.figures import error_panel, offsets
+from rattle.compare.judge.figures import PANELS_IN_A_ROW, error_panel, offsets
 from rattle.compare.judge.verdict import ACCURATE_UP_TO, NOT_WRONG, WRONG
 from rattle.compare.report.style import (
     FORBIDDEN,
@@ -22,9 +22,10 @@ from rattle.compare.report.style import (
     VALUE_LABELS,
     legend_above,
     new_figure,
+    new_panels,
     whole_impacts,
 )
-from rattle.compare.report.texts import read_texts
+from rattle.compare.report.texts import read_texts, wheel_label
 from rattle.compare.validation.comparison import CAUSES, Comparison
 from rattle.scene import Scene
 
@@ -36,17 +37,18 @@ LARGEST_RHO = 1.9  # correlations beyond it are drawn at the edge
 def error_figure(v: Comparison) -> Figure:
     """Errors of section means and sds per impact and closure, in units of the quantity's sd, with
     intervals."""
-    quantities = ("tau", "y1", "y2")[: 1 + v.scene.stages]
-    figure, axes = new_figure(3.4 * len(quantities), 5.4, 2, len(quantities))
+    quantities = ["tau", *(f"y{i}" for i in v.meshes)]
+    columns = min(len(quantities), PANELS_IN_A_ROW)
+    figure, axes = new_panels(2 * len(quantities), columns, 3.4, 2.7)
     section = v.table.query("kind == 'section' and verdict != 'not predicted' and unit > 0.0")
     accurate = (
         f"accurate: means within {v.tolerances.mean:.0%}, sds within {v.tolerances.sd:.0%} of an sd"
     )
     panels = [(moment, quantity) for moment in ("mean", "sd") for quantity in quantities]
     section = section.assign(at=section["impact"])
-    for ax, panel in zip(axes, panels, strict=True):
+    for number, (ax, panel) in enumerate(zip(axes, panels, strict=True)):
         error_panel(ax, section, panel, v.closure_names, v.tolerances, accurate)
-        unit = "error / sd of the quantity" if panel[1] == "tau" else ""
+        unit = "" if number % columns else "error / sd of the quantity"
         ax.set(xlim=(0.5, len(v.run.section) + 0.5), xlabel="impact", ylabel=unit)
         whole_impacts(ax)
     legend_above(figure, axes, 5)
@@ -65,10 +67,9 @@ def correlation_figure(v: Comparison) -> Figure | None:
     ]
     if not closures:
         return None
-    stages = range(1, v.scene.stages + 1)
-    figure, axes = new_figure(5.2 * len(stages), 3.9, 1, len(stages))
+    figure, axes = new_panels(v.scene.stages, 2, 5.2, 3.9)
     mid_flight = v.table[v.table["kind"] == "fixed time"]
-    for stage, ax in zip(stages, axes, strict=True):
+    for stage, ax in zip(v.meshes, axes, strict=True):
         for sign in (-1.0, 1.0):
             impossible = r"impossible: $|\rho| > 1$"
             edge = sign * LARGEST_RHO
@@ -85,7 +86,7 @@ def correlation_figure(v: Comparison) -> Figure | None:
             ylabel=SYMBOL[f"rho{stage}"],
         )
         whole_impacts(ax)
-        ax.set_title(f"stage {stage}", loc="left")
+        ax.set_title(f"stage {wheel_label(v.scene, stage)}", loc="left")
     legend_above(figure, axes, 4)
     return figure
 
@@ -127,7 +128,7 @@ def section_figure(v: Comparison) -> Figure:
     """Histogram of the velocities before each path's own impact, with the densities that the
     closures predict."""
     impacts = sorted(set(np.linspace(1, len(v.run.section), 4).round().astype(int).tolist()))
-    velocities = ["y1", "y2"][: v.scene.stages]
+    velocities = [f"y{i}" for i in v.meshes]
     figure, axes = new_figure(
         3.0 * len(impacts), 2.7 * len(velocities), len(velocities), len(impacts)
     )

@@ -17,7 +17,7 @@ from scipy.special import kolmogi
 
 from rattle.closure import MeanMap
 from rattle.montecarlo import Ensemble
-from rattle.scene import SECTION, Floats, Ints
+from rattle.scene import Floats, Ints, section_names
 from rattle.scene.elementary import gauss_legendre
 from rattle.scene.moments import RHO_ROUNDING, central_from_raw, correlation
 
@@ -98,6 +98,7 @@ def section_distances(prediction: MeanMap, run: Ensemble) -> pd.DataFrame:
     predicted = prediction.section
     sampled = run.section
     histograms = run.histograms
+    names = section_names(run.scene.stages)
     assert histograms is not None
     # mean and sd corrected for the step bias, by impact and quantity
     limit: dict[Any, list[float]] = {}
@@ -111,7 +112,7 @@ def section_distances(prediction: MeanMap, run: Ensemble) -> pd.DataFrame:
         for quantity in find_varying(predicted, impact):
             density = partial(prediction.density, impact, quantity)
             mean, sd = (float(predicted[prefix + quantity].loc[impact]) for prefix in ("", "sd_"))
-            counts = histograms.counts[impact - 1, SECTION.index(quantity)]
+            counts = histograms.counts[impact - 1, names.index(quantity)]
             # paths at the wall, except for a few that struck elsewhere
             paths = int(counts.sum())
             is_atom = counts.max() > ATOM * paths
@@ -124,15 +125,16 @@ def section_distances(prediction: MeanMap, run: Ensemble) -> pd.DataFrame:
             shifted = true_mean + (edges - seen[0]) * (true_sd / seen[1])
             apart = distances(bin_masses(density, shifted, mean, sd), counts)
             records.append((prediction.closure, impact, quantity, *apart, paths))
-    names = ["closure", "impact", "quantity", *Distances._fields, "paths"]
-    return pd.DataFrame(records, columns=names)
+    columns = ["closure", "impact", "quantity", *Distances._fields, "paths"]
+    return pd.DataFrame(records, columns=columns)
 
 
 def find_varying(section: pd.DataFrame, impact: int) -> list[str]:
     """Quantities whose sd is more than rounding error, compared with the largest sd at that
     impact."""
-    sds = {q: float(section[f"sd_{q}"].loc[impact]) for q in SECTION}
-    return [q for q in SECTION if sds[q] > VARIES * np.nanmax([0.0, *sds.values()])]
+    sds = section.filter(regex="^sd_").loc[impact].astype(float)
+    varying = sds.index[sds > VARIES * np.nanmax([0.0, *sds])]
+    return list(varying.str.removeprefix("sd_"))
 
 
 QUADRATURE = 1e-6
@@ -274,9 +276,9 @@ def _section_negative_mass(prediction: MeanMap, impact: int) -> Statistic:
 
 
 def _statistics(prediction: MeanMap, impact: int) -> Iterator[tuple[int, str, Statistic]]:
-    """Stage, name of the check and its statistic at one impact; stage 0 stands for both stages
+    """Stage, name of the check and its statistic at one impact; stage 0 stands for all stages
     jointly."""
-    if prediction.scene.stages == 2:
+    if prediction.scene.stages > 1:
         joint = covariance_eigenvalue(prediction.trace.covariance[impact])
         yield 0, "covariance eigenvalue", Statistic(joint)
     yield 0, "section negative mass", _section_negative_mass(prediction, impact)
@@ -301,13 +303,13 @@ def realizability_table(predictions: Sequence[MeanMap]) -> pd.DataFrame:
     """Check the bounds that moments of any distribution satisfy, at each impact of each closure.
 
     Returns: Columns ``closure, impact, stage, check, value, bound, holds, excess`` (dimensionless).
-    Stage 0 stands for both stages jointly.  ``holds`` is nullable: NA where the closure has no such
+    Stage 0 stands for all stages jointly.  ``holds`` is nullable: NA where the closure has no such
     moment, and then ``value`` and ``excess`` are NaN.  ``excess`` is the amount by which a bound is
     violated, 0 where it holds.
 
     ``variance of displacement`` and ``of velocity`` are not negative, ``|rho|`` is at most 1 (NA
     without variances). ``covariance eigenvalue``: the smallest, over the largest diagonal entry; of
-    a stage, and at stage 0 of all four quantities (NA for ``published``, which has no moments
+    a stage, and at stage 0 of all quantities (NA for ``published``, which has no moments
     across the stages). ``kurtosis``, ``moment matrix``: see `kurtosis_margin` and
     `moment_matrix_eigenvalue`. ``negative mass``: of the stage's Edgeworth series (Eqs. 18, 19),
     within 8 sd.  A series truncated at order 4 is negative somewhere for every ``rho`` but 0: along

@@ -3,6 +3,8 @@ mm/s and mJ."""
 
 import math
 from collections.abc import Sequence
+from functools import partial
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -11,6 +13,7 @@ import pandas as pd
 from rattle.compare.judge.verdict import JUDGED, MARKS, Verdict
 from rattle.compare.report.render import render_sentences
 from rattle.compare.report.table import NO_VALUE, Table, TableCell
+from rattle.compare.report.texts import wheel_label
 from rattle.compare.validation.comparison import CAUSES, Comparison, find_validities
 from rattle.compare.validation.errors import ON_ITINERARY
 from rattle.compare.validation.realizability import (
@@ -18,21 +21,13 @@ from rattle.compare.validation.realizability import (
     realizability_table,
     section_distances,
 )
-from rattle.scene import STATE
+from rattle.scene import state_names
 from rattle.scene.units import PRODUCTS
 
 DESCRIBES = {"itinerary": "paths on its itinerary", "all paths": "all paths", None: "not stated"}
 """What the page says of `rattle.closure.Closure.describes`."""
 
-MOMENTS_SHOWN = [
-    ("mean", "tau"),
-    ("mean", "y1"),
-    ("mean", "y2"),
-    ("sd", "tau"),
-    ("sd", "y1"),
-    ("sd", "y2"),
-]
-"""Section moments that the page tabulates; the table files hold all of them."""
+MOMENT_HEADS = {"mean": "E", "sd": "sd"}
 
 
 def count_verdicts(v: Comparison) -> pd.DataFrame:
@@ -70,11 +65,12 @@ def impact_table(v: Comparison, closure: str) -> Table:
         "impact": map(str, section.index),
         "agreement": map("{:.3f}".format, v.run.agreement[closure][section.index]),
     }
-    for moment, quantity in MOMENTS_SHOWN:
-        if v.scene.stages == 2 or quantity != "y2":
-            head = f"{'E' if moment == 'mean' else 'sd'} {'τ' if quantity == 'tau' else quantity}"
-            columns[head] = cells[moment, quantity].reindex(section.index).to_numpy()
-    for stage in range(1, v.scene.stages + 1):
+    # the table files hold the other moments
+    shown = {"tau": "τ"} | {f"y{i}": f"y{i}" for i in v.meshes}
+    for (moment, letter), (quantity, symbol) in product(MOMENT_HEADS.items(), shown.items()):
+        moments = cells[moment, quantity].reindex(section.index)
+        columns[f"{letter} {symbol}"] = moments.to_numpy()
+    for stage in v.meshes:
         columns[f"ρ{stage}"] = [
             NO_VALUE if pd.isna(rho) else f"{rho:.3f}" for rho in section[f"rho{stage}"]
         ]
@@ -88,9 +84,8 @@ def find_failures(v: Comparison) -> pd.DataFrame:
     failures = first_failures(
         realizability_table([m for m in v.predictions.values() if m.trace.parts is None])
     )
-    stages = (
-        failures["stage"].map({0: "both stages"}).fillna("stage " + failures["stage"].astype(str))
-    )
+    names = {0: "all stages"} | {i: f"stage {wheel_label(v.scene, i)}" for i in v.meshes}
+    stages = failures["stage"].map(names)
     return failures.assign(where="impact " + failures["impact"].astype(str) + ", " + stages)
 
 
@@ -120,9 +115,10 @@ def list_leaving(v: Comparison) -> pd.DataFrame:
     """How paths leave the noise-free itinerary, by what they strike instead."""
     leaving = v.run.leaving
     return leaving.assign(
+        label=leaving["mesh"].map(partial(wheel_label, v.scene)),
         known=np.where(
             leaving["near"].astype(bool), "paths drawn near the branch", "this simulation"
-        )
+        ),
     )
 
 
@@ -195,7 +191,7 @@ def motion_table(v: Comparison) -> Table:
     """The simulated section means and sds in both systems of units."""
     plain = v.run.section
     physical = v.run.section_in("physical")
-    speeds = [f"y{i}" for i in range(1, v.scene.stages + 1)]
+    speeds = [f"y{i}" for i in v.meshes]
     columns: dict[str, Any] = {"impact": map(str, plain.index), "τ": _spreads(plain, "tau")}
     columns |= {name: _spreads(plain, name) for name in speeds}
     columns |= {"time [ms]": _spreads(physical, "tau_ms")}
@@ -209,7 +205,7 @@ def time_table(v: Comparison) -> Table:
     """The simulated means and sds at fixed times in both systems of units."""
     plain = v.run.at_times()
     physical = v.run.at_times(units="physical")
-    state = STATE[: 2 * v.scene.stages]
+    state = state_names(v.scene.stages)
     columns: dict[str, Any] = {"τ": map("{:.4g}".format, plain.index)}
     columns |= {name: _spreads(plain, name, f"cov_{name}_{name}") for name in state}
     columns["time [ms]"] = map("{:.4g}".format, physical.index)

@@ -1,9 +1,13 @@
 """Whether the first impacts of a scene are a transient, by the threshold of rattle and the end of
 the orbit."""
 
+from functools import partial
+
 from rattle.compare.report.render import render_sentences
+from rattle.compare.report.texts import wheel_label
 from rattle.scene import Scene
 from rattle.scene.long_orbit import REST_FOR_GOOD, attractor
+from rattle.scene.loose_wheel import value_name
 from rattle.scene.text import number_text, percent
 from rattle.scene.threshold import rattle_threshold
 
@@ -30,7 +34,10 @@ def describe_transient(scene: Scene) -> str:
         rests=rests,
         noisy=scene.sigma > 0.0,
         gears=scene.gears,
-        share=shares[0] if shares else None,
+        share=shares[0] if len(closed) == 1 and shares else None,
+        stages=scene.stages,
+        label=partial(wheel_label, scene),
+        drag_name=partial(value_name, scene.wheel_names, kind="gamma", named=bool(scene.wheels)),
         always=ALWAYS,
         drag=drag_text,
         percent=percent,

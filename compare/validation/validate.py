@@ -31,12 +31,12 @@ from rattle.montecarlo.seed import Rng, read_seed
 from rattle.montecarlo.settings import Sampling
 from rattle.montecarlo.statistics.intervals import AGAIN, FAMILY_ERROR, widest
 from rattle.scene import (
-    SECTION,
     InputError,
     Scene,
     check_scene,
     choice,
     compile_ahead,
+    section_names,
 )
 from rattle.scene.numpy_errors import numpy_defaults
 from rattle.scene.progress import ProgressBar
@@ -149,7 +149,7 @@ def validate(
     orbit = follow(scene, impacts)
     record, sampling = _plan_records(orbit, predictions, sample, biased, fixed_times)
     run = sample(paths=paths, sampling=sampling, progress=progress, record=record)
-    moments = 2 * (len(SECTION) - (0 if scene.stages == 2 else 2)) * impacts * len(predictions)
+    moments = 2 * len(section_names(scene.stages)) * impacts * len(predictions)
     checks = moments + scene.stages * impacts * len(predictions)
     z = widest(checks)
     section = errors.section_errors(maps, run, z, limits)

@@ -20,7 +20,7 @@ from rattle.montecarlo.accuracy.cost import cost_of, cost_to
 from rattle.montecarlo.diagnostics.accuracy import units
 from rattle.montecarlo.ensemble.simulate_rare import simulate_rare
 from rattle.scene import DAT21, Scene
-from rattle.scene.types import SECTION
+from rattle.scene.types import section_names
 
 sys.path.append(str(Path(__file__).parents[2] / "tests" / "helpers"))
 from random_gears import gear_sets, noisy
@@ -68,7 +68,7 @@ def distance(run, truth):
     unit = units(truth).to_numpy().T
     worst = (0.0, 0.0)
     least = 0.0
-    for i, q in enumerate(SECTION):
+    for i, q in enumerate(section_names(run.scene.stages)):
         for p in ("", "sd_"):
             off = np.nan_to_num(np.abs(run.columns[p + q] - truth.columns[p + q]) / unit[i])
             error = np.nan_to_num(truth.columns[f"se_{p}{q}"] / unit[i])

@@ -26,6 +26,7 @@ from rattle.closure import mean_map
 from rattle.montecarlo import simulate
 from rattle.montecarlo.statistics.intervals import widest
 from rattle.scene import Scene
+from rattle.scene.types import section_names
 
 sys.path.append(str(Path(__file__).parents[2] / "tests" / "helpers"))
 from random_gears import gear_sets, noisy
@@ -39,7 +40,6 @@ NOISE = (0.003, 0.01, 0.03, 0.1, 0.3, 1.0)
 PATHS = 200_000
 IMPACTS = 12
 TOLERANCE = 0.05
-QUANTITIES = ("tau", "flight", "x1", "y1", "x2", "y2")
 LEEWAY = 3.0  # standard errors: the worst of six quantities is further off once in sixty rows
 TIMED = (500, 5_000)  # paths of the two simulations that give the time per path
 
@@ -56,7 +56,7 @@ def reference(scene: Scene, seed: int) -> pd.DataFrame:
     run = simulate(scene, paths=PATHS, impacts=IMPACTS, scheme="exact-flight", rng=seed, workers=1)
     rows = []
     for impact, row in run.section.iterrows():
-        for q in QUANTITIES[: 2 + 2 * scene.stages]:
+        for q in section_names(scene.stages):
             found = {
                 "mean": row[q],
                 "se_mean": row[f"se_{q}"],

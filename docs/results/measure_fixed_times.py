@@ -15,7 +15,7 @@ from kept_tables import Table, keep, short
 from rattle.closure import follow, mean_map
 from rattle.montecarlo import Record, simulate
 from rattle.scene import DAT21, Scene
-from rattle.scene.types import STATE
+from rattle.scene.types import state_names
 
 sys.path.append(str(Path(__file__).parents[2] / "tests" / "helpers"))
 from random_gears import TUNED, gear_sets, noisy
@@ -41,7 +41,7 @@ def errors(
     """Errors of means in sds, and relative ones of those sds that the sample tells."""
     mean = []
     sd = []
-    for q in STATE[: 2 * stages]:
+    for q in state_names(stages):
         variance = simulated[f"cov_{q}_{q}"]
         mean += list((predicted[q] - simulated[q]).abs() / variance**0.5)
         told = 0.5 * simulated[f"se_cov_{q}_{q}"] / variance < TOLD

@@ -20,7 +20,7 @@ from kept_tables import Table, columns, keep, short
 
 from rattle.montecarlo import Record, simulate
 from rattle.montecarlo.ensemble import aim
-from rattle.montecarlo.kernel.block import BLOCK, CODES, follow_itinerary, sample_mixture
+from rattle.montecarlo.kernel.block import BLOCK, follow_itinerary, impact_codes, sample_mixture
 from rattle.montecarlo.kernel.mixture import mixture_of
 from rattle.montecarlo.schemes.step_size import default_step
 from rattle.montecarlo.settings import EXACT_SCHEME, NOISE_FREE, plan_of
@@ -78,9 +78,10 @@ def find_truth(scene):
     points, shares = aim.share_out(exits)
     scale = TRUTH_NEAR / aim.NEAR_EXITS
     shares = [scale * share for share in shares]
-    mixture = mixture_of([WIDER * point for point in points], shares, np.zeros((IMPACTS, 6)), BLOCK)
+    centre = np.zeros((IMPACTS, 2 + 2 * scene.stages))
+    mixture = mixture_of([WIDER * point for point in points], shares, centre, BLOCK)
     plan = plan_of(scene.phase_reduced, BLOCK, IMPACTS, dt, EXACT_SCHEME, OTHER_SEED)
-    left = np.zeros((3, IMPACTS, len(CODES)))
+    left = np.zeros((3, IMPACTS, len(impact_codes(scene.stages))))
     orbit = plan.itineraries[NOISE_FREE]
     for block in range(TRUTH_BLOCKS):
         rows, weights, _, _ = sample_mixture(plan, mixture, block)
@@ -100,9 +101,10 @@ def measure(number, gear_set):
         simulate(scene, paths=PATHS, impacts=IMPACTS, rng=seed, record=apart).leaving
         for seed in range(SEEDS)
     ]
+    codes = impact_codes(scene.stages)
     found = pd.concat(runs).query("near")
     for (impact, mesh, side), rows in found.groupby(["impact", "mesh", "side"]):
-        at = impact - 1, CODES.index(mesh * side)
+        at = impact - 1, codes.index(mesh * side)
         wide = truths[at]
         of_wide = variances[at]
         of_plain = truths[at] / PLAIN_PATHS

@@ -22,7 +22,7 @@ from rattle.montecarlo.kernel.block import BLOCK, run, sample_mixture
 from rattle.montecarlo.kernel.mixture import mixture_of
 from rattle.montecarlo.settings import NOISE_FREE
 from rattle.scene import DAT21, Scene
-from rattle.scene.types import SECTION
+from rattle.scene.types import section_names
 
 sys.path.append(str(Path(__file__).parents[2] / "tests" / "helpers"))
 from random_gears import PAIR_A, PAIR_B
@@ -80,7 +80,7 @@ def measure(name):
     gains = {}
     kurtosis = {}
     for k in range(impacts):
-        for q, quantity in enumerate(SECTION):
+        for q, quantity in enumerate(section_names(scene.stages)):
             own = quantity == f"x{plain.columns['mesh'][k]}"
             if own or not plain.columns["sd_" + quantity][k] > 1e-9:
                 continue

@@ -27,7 +27,7 @@ from rattle.montecarlo.diagnostics.accuracy import units
 from rattle.montecarlo.diagnostics.unseen import Unseen
 from rattle.montecarlo.statistics.intervals import AGAIN, widest
 from rattle.scene import Scene, Start
-from rattle.scene.types import SECTION
+from rattle.scene.types import section_names
 
 sys.path.append(str(Path(__file__).parents[2] / "tests" / "helpers"))
 from random_gears import PAIR_B
@@ -66,9 +66,9 @@ def scenes() -> dict[str, Scene]:
 
 
 @contextmanager
-def _nothing_unseen(impacts: int) -> Iterator[None]:
+def _nothing_unseen(wheels: int, impacts: int) -> Iterator[None]:
     """Context in which verdicts are as they were before rare branches and skewness counted."""
-    nil = np.zeros((impacts, len(SECTION)))
+    nil = np.zeros((impacts, len(section_names(wheels))))
     with (
         mock.patch.object(
             errors, "unseen", return_value=Unseen(nil, nil, nil, nil, nil, nil, impacts)
@@ -82,12 +82,12 @@ def _verdicts(scene: Scene, truth: pd.DataFrame, paths: int) -> list[pd.DataFram
     """Verdicts on an exact closure, one row for each seed: without what cannot be seen, with it,
     and judged again."""
     exact = SimpleNamespace(closure="exact", section=truth)
-    checks = 2 * len(SECTION) * len(truth)
+    checks = 2 * len(section_names(scene.stages)) * len(truth)
     z = widest(checks)
     tables = list[list[pd.Series]]([[], [], []])
     for seed in range(SEEDS):
         run = simulate(scene, paths=paths, impacts=len(truth), scheme="exact-flight", rng=seed)
-        with _nothing_unseen(len(truth)):
+        with _nothing_unseen(scene.stages, len(truth)):
             before = section_errors([exact], run, z, Tolerances())
         bounded = section_errors([exact], run, z, Tolerances())
         again, _ = judge_again(bounded, [exact], run, widest(checks, 0.05 * AGAIN), Tolerances(), 1)
@@ -113,7 +113,7 @@ def _covered(scene: Scene, truth: pd.DataFrame) -> tuple[int, int]:
         unit = units(run)
         off = [
             ((run.section[p + q] - truth[p + q]).abs() / unit[q]).max()
-            for q in SECTION
+            for q in section_names(scene.stages)
             for p in ("", "sd_")
         ]
         reached += run.reach.reached
@@ -127,7 +127,8 @@ def measure(name: str, scene: Scene) -> Iterator[dict[str, object]]:
     truth = simulate(
         scene, paths=TRUTH * (4 if pair else 1), impacts=2 if pair else IMPACTS, rng=99
     )
-    kurtosis = float(np.nanmax([truth.section[f"kurt_{q}"] for q in ("tau", "y1", "y2")]))
+    told = ("tau", "y1", "y2")[: 1 + scene.stages]
+    kurtosis = float(np.nanmax([truth.section[f"kurt_{q}"] for q in told]))
     for paths in PATHS:
         found = {
             "scene": name,

@@ -39,8 +39,8 @@ from rattle.montecarlo.looks import USUAL_LOOKS, share_of_look
 from rattle.montecarlo.schemes.step_size import SCHEMES, neglected_noise
 from rattle.montecarlo.settings import count_followed, exact_orbit, is_random
 from rattle.montecarlo.statistics.intervals import widest
-from rattle.montecarlo.statistics.section_statistics import stack_section
-from rattle.scene import SECTION, Floats, duration_text
+from rattle.montecarlo.statistics.section_statistics import quantity_at, stack_section
+from rattle.scene import Floats, duration_text
 
 RATIO_STEP = 8.0  # largest ratio of two bounds that is followed at once
 RATIO_FOUND = 1.02  # ratio to which the number is found
@@ -125,16 +125,19 @@ def expect_paths(
 def cost_of(run: Ensemble, paths: int, dt: float | None = None) -> Candidate:
     """Work of a number of paths like those of a run, at its step or another one."""
     kind = SCHEMES[run.scheme]
+    # times are those of two wheels, and taken for one; with each more a step takes a third more,
+    # the covariances of an impact grow faster (`rattle check speed`)
+    longer = max((1.0 + run.scene.stages) / 3.0, 1.0)
     dt = run.dt if dt is None else dt
     finer = run.dt / dt
     followed = run.plan.paths
     steps = run.path_steps / followed * finer  # over all step sizes run side by side
     levels = 3.0 if run.plan.levels > 1 else 1.0
     each = (
-        steps * kind.step_ns * (VECTOR_GAIN if followed == 1 else 1.0)
-        + run.impacts * kind.impact_ns * levels
+        steps * kind.step_ns * longer * (VECTOR_GAIN if followed == 1 else 1.0)
+        + run.impacts * kind.impact_ns * longer**1.5 * levels
     )
-    each += run.sticking_steps / followed * finer * STICKING_NS
+    each += run.sticking_steps / followed * finer * STICKING_NS * longer
     branches = 0 if run.plan.mixture is None else len(run.plan.mixture.unit)
     return Candidate(run.scheme, dt, paths, paths * steps, 1e-9 * paths * each, branches)
 
@@ -179,13 +182,12 @@ def _distance_from_orbit(run: Ensemble) -> float:
     """Largest difference of a path without noise from the exact orbit; `NO_SUCH_IMPACT` where one
     of them has ended."""
     exact = exact_orbit(run.plan)
-    struck = exact[:, 6] != 0.0
+    struck = exact[:, -1] != 0.0
     columns = run.phase_reduced.columns
     if not (struck == (columns["mesh"] != 0)).all():
         return NO_SUCH_IMPACT
     exact[:, 0] = run.scene.phase_reduced.to_absolute_time(exact[:, 0])
-    of = slice(2 + 2 * run.scene.stages)
-    errors = np.abs(stack_section(columns)[of] - exact.T[of]) / unit_rows(run)[of]
+    errors = np.abs(stack_section(columns) - exact[:, :-1].T) / unit_rows(run)
     return float(np.max(errors[:, struck], initial=0.0))
 
 
@@ -208,7 +210,8 @@ def find_missed_rows(run: Ensemble, accuracy: float, share: float) -> tuple[Row,
         elif bias[place] > MOST_OF * bound[place]:
             why = "bias of the step"
         moment, i, k = place
-        found.append(Row(BOUND_MOMENTS[moment], SECTION[i], int(k) + 1, float(bound[place]), why))
+        quantity = quantity_at(int(i))
+        found.append(Row(BOUND_MOMENTS[moment], quantity, int(k) + 1, float(bound[place]), why))
     return tuple(sorted(found, key=lambda row: -row.bound))
 
 
@@ -242,11 +245,8 @@ def _z(error: Floats, share: float) -> float:
 
 
 def _biases(run: Ensemble) -> Floats:
-    """Bias of the step of all rows and its standard error, in their units, shape (2, 2, 6,
+    """Bias of the step of all rows and its standard error, in their units, shape (2, 2, quantities,
     impacts)."""
-    quantities = 2 + 2 * run.scene.stages
-    bias = np.zeros((2, len(BOUND_MOMENTS), len(SECTION), run.impacts))
     steps = np.abs(run.step_bias[["bias", "se_bias"]].to_numpy().T)
-    rows = np.nan_to_num(steps).reshape(2, len(BOUND_MOMENTS), quantities, run.impacts)
-    bias[:, :, :quantities] = rows / unit_rows(run)[:quantities]
-    return bias
+    rows = np.nan_to_num(steps).reshape(2, len(BOUND_MOMENTS), -1, run.impacts)
+    return np.asarray(rows / unit_rows(run))

@@ -61,9 +61,8 @@ def choose_mixture(run: Any) -> BranchMixture | None:
     # in the order of memory of every other one: the kernel is compiled for one order alone
     centre = np.ascontiguousarray(np.nan_to_num(stack_section(columns).T))
     sd = stack_section(columns, "sd_").T
-    for mesh in (1, 2):
+    for mesh in range(1, plan.scene.stages + 1):
         sd[columns["mesh"] == mesh, 2 * mesh] = 0.0  # known exactly
-    sd[:, 2 + 2 * plan.scene.stages :] = 0.0
     sd[~(sd > 1e-12 * (1.0 + np.abs(centre)))] = np.inf
     probed = list_distinct(by_influence(found.branches, sd), PROBED_BRANCHES)
     shifts = [branch.shift for branch in probed]
@@ -84,8 +83,8 @@ def _share_out(kurtosis: Floats, added: list[Floats], tails: Floats, paths: int)
 
     Parts grow by `GRAIN`, always the one that lowers it most.
 
-    `kurtosis`: Of so many plain paths. Shapes: `kurtosis` (impacts, 6); `added`, each (impacts, 6),
-    of each branch.
+    `kurtosis`: Of so many plain paths. Shapes: `kurtosis` (impacts, quantities); `added`, each
+    (impacts, quantities), of each branch.
     """
     shares = np.zeros(len(added))
     each = np.array(added).reshape(len(added), *kurtosis.shape)
@@ -150,7 +149,7 @@ def _probe(plan: Plan, centre: Floats, sd: Floats, branch: Branch, number: int) 
     probe = plan._replace(seed=child_seed(plan.seed, PROBE_KEY, number))
     rows, weights, _, _ = sample_mixture(probe, mixture, 0)
     near = int(mixture.counts[:-1].sum())
-    fourth = weights[:near, :, None] * ((rows[:near, :, :6] - centre) / sd) ** 4
+    fourth = weights[:near, :, None] * ((rows[:near, :, :-1] - centre) / sd) ** 4
     predicted = np.abs(branch.added[2]) / sd**4
     missed = 3.0 * tail(float(mixture.level[0, -1])) / (near * SPLIT[-1])
     return np.asarray(

@@ -18,11 +18,13 @@ import numpy as np
 from scipy.special import log_ndtr, ndtr, ndtri, ndtri_exp
 
 from rattle.montecarlo.schemes.short_flight import kick
+from rattle.montecarlo.schemes.step_state import MOST_TERMS
 from rattle.scene import Constants, Floats
 from rattle.scene.compiled import jit
 from rattle.scene.flight import flow, jacobian, noise_covariance
-from rattle.scene.impact import next_impact, struck
-from rattle.scene.orbit import Impacts, fill_impacts, put_impact
+from rattle.scene.impact import next_impact, strike
+from rattle.scene.linear_algebra import apply, congruence, put, put_row
+from rattle.scene.orbit import Impacts, empty_legs, fill_impacts, put_impact
 from rattle.scene.tangent import saltation_matrix
 
 FURTHEST = 6.0
@@ -62,31 +64,21 @@ def _covariances(
     there."""
     for n in range(times.size):
         t = times[n]
-        state = flow(c, tau, after[0], after[1], after[2], after[3], t)
-        for a in range(4):
-            means[n, a] = state[a]
-        j = jacobian(c, t)
-        q = noise_covariance(c, tau, t)
-        for a in range(4):
-            for b in range(4):
-                total = q[a, b]
-                for k in range(4):
-                    for m in range(4):
-                        total += j[a, k] * start[k, m] * j[b, m]
-                spread[n, a, b] = total
+        put_row(means[n], flow(c, tau, after, t))
+        carried = congruence(jacobian(c, t), start)
+        put(spread[n], noise_covariance(c, tau, t) + carried)
 
 
 def follow_on(c: Constants, tau: float, state: Floats, mesh: int, rows: Floats) -> None:
-    """Write the impacts of a noise-free path, ``tau, flight, x1, y1, x2, y2`` a row, from a state
-    just before an impact on, or in flight with mesh 0.
+    """Write the impacts of a noise-free path, ``tau, flight, x1, y1, ..., mesh * side`` a row, from
+    a state just before an impact on, or in flight with mesh 0.
 
-    Shapes: `state` (4,); `rows` (impacts, 6).
+    Shapes: `state` (2 wheels,); `rows` (impacts, 3 + 2 wheels).
     """
-    at = Impacts.empty(len(rows))
-    x1, y1, x2, y2 = state
-    put_impact(c, at, 0, tau, math.nan, mesh, (x1, y1, x2, y2))
-    fill_impacts(c, at, [])
-    rows[:] = np.column_stack([at.tau, at.flight, at.before])[1:]
+    at = Impacts.empty(len(rows), c.wheels.size)
+    put_impact(c, at, 0, tau, math.nan, mesh, state)
+    fill_impacts(c, at, empty_legs(len(rows), c.wheels.size))
+    rows[:] = np.column_stack([at.tau, at.flight, at.before, at.mesh * at.side])[1:]
 
 
 @jit
@@ -97,8 +89,10 @@ def _add_noise(
     of time t.
 
     Increments are in units of their sd; the area of a step, a part in a hundred of its effect, is
-    left out. Shapes: `cross` (4, steps).
+    left out. Shapes: `cross` (2 wheels, steps).
     """
+    push = np.empty(2 * c.wheels.size)
+    series = np.zeros((3 + c.wheels.size, MOST_TERMS))  # the last row stays 0: see `Scratch`
     begin, dt = grid
     for n in range(
         max(0, int((tau - begin) / dt)), min(cross.shape[1], int((tau + t - begin) / dt) + 1)
@@ -106,22 +100,20 @@ def _add_noise(
         first = max(tau, begin + n * dt)
         last = min(tau + t, begin + (n + 1) * dt)
         if last > first:
-            push = kick(c, first, last - first, (last - first) / math.sqrt(dt), 0.0)
-            j = jacobian(c, tau + t - last)
-            for a in range(4):
-                cross[a, n] += (
-                    j[a, 0] * push[0] + j[a, 1] * push[1] + j[a, 2] * push[2] + j[a, 3] * push[3]
-                )
+            kick(c, first, last - first, (last - first) / math.sqrt(dt), 0.0, series, push)
+            carried = apply(jacobian(c, tau + t - last), push)
+            for a in range(push.size):
+                cross[a, n] += carried[a]
 
 
 class Gaussian(NamedTuple):
     """A Gaussian state, and the noise that it comes from: increments of steps in units of their
     sd."""
 
-    mean: Floats  # (4,)
-    spread: Floats  # covariance; (4, 4)
+    mean: Floats  # (2 wheels,)
+    spread: Floats  # covariance; (2 wheels, 2 wheels)
     noise: Floats  # mean of the noise; (steps,)
-    cross: Floats  # covariance of the state with the noise; (4, steps)
+    cross: Floats  # covariance of the state with the noise; (2 wheels, steps)
 
     def given(self, i: int, value: float) -> "Gaussian":
         """The same, given one component of the state."""
@@ -138,9 +130,9 @@ class Gaussian(NamedTuple):
 
     def across(self, c: Constants, mesh: int, tau: float) -> "Gaussian":
         """The same after an impact of the mean, to first order."""
-        carry = saltation_matrix(c, mesh, tau, self.mean[1], self.mean[3])
+        carry = saltation_matrix(c, mesh, tau, self.mean)
         mean = self.mean.copy()
-        mean[1], mean[3] = struck(c, mesh, mean[1], mean[3])
+        strike(c, mesh, mean)
         return Gaussian(mean, carry @ self.spread @ carry.T, self.noise, carry @ self.cross)
 
 
@@ -158,16 +150,15 @@ class SearchedFlight:
         self.tau = tau
         self.start = start
         self.grid = grid
-        after = start.mean
-        self.time, self.mesh, self.side, *before = next_impact(
-            c, tau, after[0], after[1], after[2], after[3], LONGEST_SEARCHED_FLIGHT
+        self.time, self.mesh, self.side, self.before = next_impact(
+            c, tau, start.mean, LONGEST_SEARCHED_FLIGHT
         )
-        self.before = np.array(before)
 
     def at(self, times: Floats) -> tuple[Floats, Floats]:
         """Mean and covariance at times since the start."""
-        means = np.empty((times.size, 4))
-        spread = np.empty((times.size, 4, 4))
+        size = self.start.mean.size
+        means = np.empty((times.size, size))
+        spread = np.empty((times.size, size, size))
         _covariances(self.c, self.tau, self.start.mean, self.start.spread, times, means, spread)
         return means, spread
 
@@ -186,7 +177,7 @@ class SearchedFlight:
 
 def _wall(c: Constants, mesh: int) -> float:
     """Half gap of a mesh."""
-    return c.wall1 if mesh == 1 else c.wall2
+    return float(c.wheels["wall"][mesh - 1])
 
 
 class Event(NamedTuple):
@@ -210,10 +201,12 @@ class Event(NamedTuple):
         )
 
 
-def _log_flux(flight: SearchedFlight, times: Floats, mesh: int, side: int) -> Floats:
-    """Logarithm of the rate at which paths meet a wall that have not met the orbit's own: Rice's
-    formula."""
-    means, spread = flight.at(times)
+def _log_flux(
+    flight: SearchedFlight, moments: tuple[Floats, Floats], mesh: int, side: int
+) -> Floats:
+    """Logarithm of the rate at which paths meet a wall that have not met the orbit's own, at the
+    times of the moments: Rice's formula."""
+    means, spread = moments
     i = 2 * (mesh - 1)
     own = 2 * (flight.mesh - 1)
     var = spread[:, i, i]
@@ -238,21 +231,22 @@ def _log_flux(flight: SearchedFlight, times: Floats, mesh: int, side: int) -> Fl
     return np.maximum(np.nan_to_num(found, nan=-np.inf, posinf=-np.inf), NEVER)
 
 
-def _earlier(flight: SearchedFlight, mesh: int, side: int) -> list[Event]:
+def _earlier(
+    flight: SearchedFlight, mesh: int, side: int, times: Floats, moments: tuple[Floats, Floats]
+) -> list[Event]:
     """Another wall that is met before the orbit's own: an event for each peak of the flux of paths
-    that meet it."""
-    same = mesh == flight.mesh
-    end = flight.time if same else flight.time + min(flight.time, LATEST_OTHER)
-    times = np.linspace(0.0, end, GRID + 1)[1:]
-    flux = _log_flux(flight, times, mesh, side)
+    that meet it.
+
+    `moments`: Of the flight at the times.
+    """
+    end = times[-1]
+    flux = _log_flux(flight, moments, mesh, side)
     peaks = np.flatnonzero((flux[1:-1] >= flux[:-2]) & (flux[1:-1] > flux[2:])) + 1
     valley = np.append(True, np.append((flux[1:-1] <= flux[:-2]) & (flux[1:-1] < flux[2:]), True))
     found = []
-    if same and side == flight.side:  # the last peak may be the orbit's own impact
+    if mesh == flight.mesh and side == flight.side:  # the last peak may be the orbit's own impact
         i = 2 * (mesh - 1)
-        late = math.sqrt(max(flight.at(times[-1:])[1][0, i, i], 0.0)) / max(
-            abs(flight.before[i + 1]), NO_SD
-        )
+        late = math.sqrt(max(moments[1][-1, i, i], 0.0)) / max(abs(flight.before[i + 1]), NO_SD)
         peaks = peaks[times[peaks] < flight.time - FURTHEST * late]
     for peak in peaks:
         at = times[peak - 1 : peak + 2]
@@ -263,7 +257,7 @@ def _earlier(flight: SearchedFlight, mesh: int, side: int) -> list[Event]:
             if rare or (n > 3 and highest < log[1] + 1.0):
                 break
             fine = np.linspace(at[0], at[2], 9)
-            log = _log_flux(flight, fine, mesh, side)
+            log = _log_flux(flight, flight.at(fine), mesh, side)
             best = int(np.clip(log.argmax(), 1, 7))
             at = fine[best - 1 : best + 2]
             log = log[best - 1 : best + 2]
@@ -277,7 +271,7 @@ def _earlier(flight: SearchedFlight, mesh: int, side: int) -> list[Event]:
         high = times[faint[faint > peak].min(initial=GRID - 1)]
         near = np.linspace(max(at[1] - width, low), min(at[1] + width, high), 65)
         around = np.unique(np.concatenate([near, np.linspace(low, high, 65)]))
-        density = np.exp(_log_flux(flight, around, mesh, side))
+        density = np.exp(_log_flux(flight, flight.at(around), mesh, side))
         mass = np.concatenate(
             [[0.0], np.cumsum(0.5 * (density[1:] + density[:-1]) * np.diff(around))]
         )
@@ -342,11 +336,10 @@ def _miss(flight: SearchedFlight) -> Event | None:
     best = int(falls[0]) if falls.size else 0
     if best == 0 or not beta[best] < FURTHEST:
         return None
-    if (
-        flight.c.stages == 2
-        and (np.abs(means[: best + 1, 2 - i]) > _wall(flight.c, 3 - mesh)).any()
-    ):
-        return None  # the other mesh is struck first: `_swapped`
+    beyond = np.abs(means[: best + 1, ::2]) > flight.c.wheels["wall"]
+    beyond[:, mesh - 1] = False
+    if beyond.any():
+        return None  # another mesh is struck first: `_earlier`
     top = float(times[best])
     nearest = float(beta[best])
     around = np.linspace(flight.time, top + (top - flight.time), 13)  # the seventh is the top
@@ -377,7 +370,12 @@ def events(flight: SearchedFlight) -> list[Event]:
     """All other events of a flight within reach."""
     missed = _miss(flight)
     found = [] if missed is None else [missed]
-    for mesh in range(1, flight.c.stages + 1):
+    # times at which the own mesh, and at which another one, may be struck first
+    ends = flight.time, flight.time + min(flight.time, LATEST_OTHER)
+    grids = [np.linspace(0.0, end, GRID + 1)[1:] for end in ends]
+    moments = [flight.at(times) for times in grids]
+    for mesh in range(1, flight.c.wheels.size + 1):
+        other = int(mesh != flight.mesh)
         for side in (1, -1):
-            found += _earlier(flight, mesh, side)
+            found += _earlier(flight, mesh, side, grids[other], moments[other])
     return found

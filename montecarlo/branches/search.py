@@ -21,16 +21,18 @@ from rattle.montecarlo.branches.rare_events import (
     events,
     follow_on,
 )
-from rattle.scene import Constants, Floats, Scene
+from rattle.montecarlo.kernel.kernel import columns_recorded
+from rattle.scene import Floats, Scene
 from rattle.scene.impact import slowest_impact
 from rattle.scene.orbit import first_state
 
 MOST_SEARCHED_PATHS = 12  # paths that are searched: the orbit, and the most probable branches
-# flights that are searched, so that orbits of many impacts take no more than about a second
+# flights that are searched, so that orbits of many impacts take no more than about a second; the
+# square of so many more wheels than `FEW_WHEELS` fewer, for their covariances take longer
 MOST_SEARCHED_FLIGHTS = 300
+FEW_WHEELS = 8
 SMALLEST = 1e-9
 """Probability down to which branches are known, and searched for branches of their own."""
-AT_WALL = 1e-9  # distance from a wall, over that from the middle, of what strikes it: rounding
 
 
 class Branch(NamedTuple):
@@ -43,11 +45,11 @@ class Branch(NamedTuple):
     beta: float  # reliability index: distance of the design point in sds
     probability: float  # of the branch
     weights: Floats  # probabilities of its strata, by depth beyond the design point; (strata,)
-    # ``tau, flight, x1, y1, x2, y2`` before each impact of a representative of each stratum; those
-    # of the parent before `impact`, NaN where it has ended; (strata, impacts, 6)
-    section: Floats
+    # ``tau, flight, x1, y1, ..., mesh * side`` of each impact of a representative of each stratum;
+    # those of the parent before `impact`, NaN where it has ended; (strata, impacts, columns)
+    rows: Floats
     # what the branch adds to the mean deviation from the orbit, to its square and to its fourth
-    # power, in place of the path that it leaves; (3, impacts, 6)
+    # power, in place of the path that it leaves; (3, impacts, quantities)
     added: Floats
     # mean of the noise that brings it about, increments in units of their sd; (steps,) or none
     shift: Floats
@@ -57,8 +59,8 @@ class Branch(NamedTuple):
 class RareEvents:
     """The branches of an orbit."""
 
-    # ``tau, flight, x1, y1, x2, y2`` before each impact; NaN where the orbit has ended; (impacts,
-    # 6)
+    # ``tau, flight, x1, y1, ..., mesh * side`` of each impact; NaN where the orbit has ended;
+    # (impacts, columns)
     orbit: Floats
     # in the order of their discovery; of equal distance or not, each is an own branch
     branches: tuple[Branch, ...]
@@ -74,20 +76,19 @@ class RareEvents:
     @cached_property
     def additions(self) -> Floats:
         """What each branch adds to mean, square and fourth power, shape (3, branches, impacts,
-        6)."""
+        quantities)."""
         added = np.array([branch.added for branch in self.branches])
-        return added.reshape(len(self.branches), 3, *self.orbit.shape).swapaxes(0, 1)
+        shape = self.orbit[:, :-1].shape
+        return added.reshape(len(self.branches), 3, *shape).swapaxes(0, 1)
 
-    def additions_on(self, itinerary: Sequence[int], c: Constants) -> Floats:
+    def additions_on(self, itinerary: Sequence[int]) -> Floats:
         """As `additions`, of what still has the meshes and sides of an itinerary, in place of
         nothing."""
-        added = np.zeros((3, len(self.branches), *self.orbit.shape))
+        added = np.zeros_like(self.additions)
         for sums, branch in zip(added.swapaxes(0, 1), self.branches, strict=True):
-            x1 = branch.section[..., 2]
-            x2 = branch.section[..., 4]
-            code = np.where(np.abs(x1) > (1.0 - AT_WALL) * c.wall1, np.sign(x1), 2.0 * np.sign(x2))
-            follows = np.logical_and.accumulate(code == np.array(itinerary), axis=1)
-            away = np.where(follows[..., None], branch.section - self.orbit, 0.0)
+            agrees = branch.rows[..., -1] == np.array(itinerary)
+            follows = np.logical_and.accumulate(agrees, axis=1)[..., None]
+            away = np.where(follows, branch.rows[..., :-1] - self.orbit[:, :-1], 0.0)
             for total, power in zip(sums, (1, 2, 4), strict=True):
                 total += np.nan_to_num(branch.weights[:, None, None] * away**power).sum(axis=0)
         return added
@@ -114,20 +115,23 @@ class BranchSearch:
 
     def __init__(self, scene: Scene, impacts: int, steps: int = 0, dt: float = 1.0) -> None:
         c = scene.constants
-        state = np.array(first_state(scene))
+        state = first_state(scene)
         self.constants = c
         self.impacts = impacts
-        self.orbit = np.full((impacts, 6), np.nan)
+        self.orbit = np.full((impacts, columns_recorded(scene.stages)), np.nan)
         follow_on(c, scene.phase, state, 0, self.orbit)
         self._slowest = slowest_impact(c, state)
-        begin = Gaussian(state, np.zeros((4, 4)), np.zeros(steps), np.zeros((4, steps)))
+        still = np.zeros((state.size, state.size))
+        begin = Gaussian(state, still, np.zeros(steps), np.zeros((state.size, steps)))
         self._queue = [_Parent(1.0, scene.phase, begin, 0, self.orbit)]  # the most probable last
         self._grid = scene.phase, dt
         self._branches: list[Branch] = []
-        # of the state before each impact of the orbit to the noise; (4, steps) each
+        # of the state before each impact of the orbit to the noise; (2 wheels, steps) each
         self.responses: list[Floats] = []
         # probability of each path, and number of branches after it
         self._searched: list[tuple[float, int]] = []
+        wheels = max(scene.stages, FEW_WHEELS)
+        self._most_flights = MOST_SEARCHED_FLIGHTS * FEW_WHEELS**2 // wheels**2
         self._flights = 0
         self._found: dict[int, RareEvents] = {}
         self._known = impacts
@@ -143,7 +147,7 @@ class BranchSearch:
             while (
                 self._queue
                 and len(self._searched) < MOST_SEARCHED_PATHS
-                and self._flights < MOST_SEARCHED_FLIGHTS
+                and self._flights < self._most_flights
             ):
                 if self._searched and self._queue[-1].probability < least:
                     break
@@ -170,8 +174,8 @@ class BranchSearch:
         tau = parent.tau
         start = parent.start
         for k in range(parent.first, self.impacts):
-            if self._flights == MOST_SEARCHED_FLIGHTS:
-                return k, f"{MOST_SEARCHED_FLIGHTS} flights were searched"
+            if self._flights == self._most_flights:
+                return k, f"{self._flights} flights were searched"
             self._flights += 1
             flight = SearchedFlight(c, tau, start, self._grid)
             if flight.mesh <= 0:
@@ -198,7 +202,7 @@ class BranchSearch:
         rarest = self._queue[0].probability if len(self._queue) >= MOST_SEARCHED_PATHS else 0.0
         for j, (t, state, mesh) in enumerate(event.states):
             if mesh:
-                rows[j, k] = [tau + t, t, *state.mean]
+                rows[j, k] = [tau + t, t, *state.mean, mesh * event.side]
             follow_on(c, tau + t, state.mean, mesh, rows[j, k + (mesh > 0) :])
             if not mesh:
                 rows[j, k, 1] = rows[j, k, 0] - tau
@@ -212,9 +216,10 @@ class BranchSearch:
                 after = state.across(c, mesh, tau + t)
                 self._queue.append(_Parent(share, tau + t, after, k + 1, rows[j]))
         shares = probability * event.weights
-        added = np.zeros((3, *self.orbit.shape))
-        gap = rows[:, k:] - self.orbit[k:]
-        before = parent.rows[k:] - self.orbit[k:]
+        orbit = self.orbit[:, :-1]
+        added = np.zeros((3, *orbit.shape))
+        gap = rows[:, k:, :-1] - orbit[k:]
+        before = parent.rows[k:, :-1] - orbit[k:]
         for n in range(3):  # powers 1, 2 and 4
             added[n, k:] = np.nan_to_num(shares[:, None, None] * (gap - before)).sum(axis=0)
             gap = gap * gap

@@ -9,24 +9,49 @@ discretisation.
 """
 
 import math
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from rattle.montecarlo.noise.brownian import Noise, split
 from rattle.montecarlo.noise.philox import BRIDGE, LEVELS, Key, Word, key_of, normals
-from rattle.montecarlo.schemes.crossing import first_root, margins, near_wall
+from rattle.montecarlo.schemes.crossing import first_root, margin_of, near_wall
 from rattle.montecarlo.schemes.exact_flight import (
-    FlightForcing,
+    ACROSS,
+    ALONG,
+    CARRY,
+    DRIFT,
+    MARGIN,
     accurate_flight,
     flight_forcing,
 )
+from rattle.montecarlo.schemes.lanes import lanes_of
 from rattle.montecarlo.schemes.short_flight import phase_at, short_flight
-from rattle.montecarlo.schemes.step_state import State
-from rattle.scene import Constants, Floats, InputError, Scene
-from rattle.scene.compiled import internal
-from rattle.scene.impact import struck
+from rattle.montecarlo.schemes.step_state import (
+    FORCING,
+    MOST_IN_A_STEP,
+    MOST_TERMS,
+    clip,
+    copy_state,
+    due_side,
+    parent_deviation,
+    put_on_wall,
+)
+from rattle.montecarlo.schemes.sticking import is_any, leave_lifted, put_all
+from rattle.scene import Constants, Floats, InputError, Ints, Scene
+from rattle.scene.compiled import internal, lean_internal, not_inlined
+from rattle.scene.drive import velocity_acceleration
+from rattle.scene.impact import strike
+from rattle.scene.sticking import (
+    as_bodies,
+    close,
+    contact_motion,
+    find_sticking,
+    open_meshes,
+    put_open,
+    take_open,
+)
+from rattle.scene.types import BODY
 
 Pair = tuple[float, float]
 
@@ -37,10 +62,6 @@ TREE = BRIDGE + LEVELS
 DEEPEST = 26
 TREE_BITS = Word(DEEPEST)
 STEPS_OF_A_PERIOD = 128  # fewest steps of a period
-# most wall contacts in a leaf; then the path is clipped to its walls and goes on at the next leaf
-IN_A_LEAF = 8
-HIT = 6
-"""Columns of an impact: time since the start of the step, ``mesh * side``, state just before."""
 
 
 class Clockwork(NamedTuple):
@@ -48,10 +69,9 @@ class Clockwork(NamedTuple):
 
     h: float  # step; a whole number of steps makes a period
     depth: int  # levels of the tree below a step
-    # for each step of a period: drift, effect of a unit normal of the increment and of the area (4
-    # each), margins of both stages; (steps, 14)
+    # for each step of a period, see `rattle.montecarlo.schemes.exact_flight.flight_forcing`;
+    # (steps, wheels, FORCING)
     forcing: Floats
-    carry: Floats  # of a step, see `rattle.montecarlo.schemes.exact_flight.FlightForcing`; (6,)
 
 
 def step_time(scene: Scene) -> float:
@@ -79,166 +99,376 @@ def clockwork(scene: Scene, depth: int) -> Clockwork:
             "a shared Brownian tree is of white noise only, 0",
         )
     h = step_time(scene)
-    return clockwork_of(
-        [flight_forcing(scene.constants, n * h, h) for n in range(round(2.0 * math.pi / h))],
-        h,
-        depth,
-    )
+    times = np.array([n * h for n in range(round(2.0 * math.pi / h))])
+    return clockwork_at(scene, times, h, depth)
 
 
-def clockwork_of(steps: Sequence[FlightForcing], h: float, depth: int) -> Clockwork:
-    """Tables of given steps."""
-    table = np.array([(*f.drift, *f.along, *f.across, f.margin1, f.margin2) for f in steps])
-    f = steps[0]
-    return Clockwork(h, depth, table, np.array(f.carry))
+def clockwork_at(scene: Scene, begins: Floats, h: float, depth: int) -> Clockwork:
+    """Tables of steps that begin at given times."""
+    state = np.zeros((2 * scene.stages, 1))
+    _, room = lanes_of(1, 0, state, state, 0.0, 0)
+    table = np.empty((begins.size, scene.stages, FORCING))
+    for row, begin in zip(table, begins, strict=True):
+        flight_forcing(scene.constants, begin, h, room.scratch)
+        row[:] = room.scratch.forcing
+    return Clockwork(h, depth, table)
+
+
+class TreeRoom(NamedTuple):
+    """Buffers of a path within a step."""
+
+    # intervals still to be walked: increment and area, and their place in the tree, level and
+    # node; (depth + 2, 4)
+    pending: Floats
+    state: Floats  # state, end: present state, and that at the end of a trial; (2 wheels,)
+    end: Floats
+    series: Floats  # Taylor series, as of `rattle.montecarlo.schemes.step_state.Scratch`
+    margins: Floats  # of the walls of each gap; (wheels,)
+    walls: Floats  # distances of the flanks from the middle; (2 wheels,)
+    sides: Ints  # sides on which meshes are closed to the end of the step, or 0; (wheels,)
+    contacts: Ints  # of each mesh in this step; (wheels,)
 
 
 class Tree(NamedTuple):
-    """A scene on a shared Brownian tree, for compiled code."""
+    """A scene on a shared Brownian tree, for compiled code, of one thread."""
 
     c: Constants
     clock: Clockwork
     key: Key  # of the random numbers
+    room: TreeRoom
+
+
+def grow_tree(c: Constants, clock: Clockwork, seed: np.random.SeedSequence) -> Tree:
+    """The tree of given steps and a seed."""
+    wheels = c.wheels.size
+    room = TreeRoom(
+        pending=np.empty((clock.depth + 2, 4)),
+        state=np.empty(2 * wheels),
+        end=np.empty(2 * wheels),
+        series=np.zeros((3 + wheels, MOST_TERMS)),
+        margins=np.empty(wheels),
+        walls=np.repeat(c.wheels["wall"], 2),
+        sides=np.zeros(wheels, np.int64),
+        contacts=np.zeros(wheels, np.int64),
+    )
+    return Tree(c, clock, key_of(seed), room)
 
 
 def tree_of(scene: Scene, seed: int, depth: int) -> Tree:
     """The tree of a scene and a seed."""
-    return Tree(scene.constants, clockwork(scene, depth), key_of(np.random.SeedSequence(seed)))
+    return grow_tree(scene.constants, clockwork(scene, depth), np.random.SeedSequence(seed))
 
 
 @internal
-def new_room(depth: int) -> Floats:
-    """A stack of the intervals still to be walked, for a tree of given depth: increment and area,
-    and their place in the tree, level and node.
+def new_hits(c: Constants, most: int) -> Floats:
+    """Room for the impacts of a path in a step, so many of each mesh: time since its start, ``mesh
+    * side``, the state just before.
 
-    Shapes: result (depth + 2, 4).
+    Shapes: result (most wheels, 2 + 2 wheels).
     """
-    return np.empty((depth + 2, 4))
+    return np.empty((most * c.wheels.size, 2 + 2 * c.wheels.size))
 
 
 @internal
-def _fly(c: Constants, tau: float, s: State, h: float, noise: Noise) -> State:
-    """State after a flight of time h, at most a step, with given noise."""
-    return short_flight(c, phase_at(c.drive, tau), h, s, noise.increment, noise.area)[0]
+def _beside(tree: Tree) -> Tree:
+    """The bodies that closed meshes leave, with their state."""
+    not_inlined()
+    room = tree.room
+    free = open_meshes(room.sides)
+    state = np.empty(2 * free.size)
+    walls = np.empty(2 * free.size)
+    take_open(room.state, free, state)
+    take_open(room.walls, free, walls)
+    bodies = TreeRoom(
+        room.pending,
+        state,
+        np.empty(state.size),
+        room.series,
+        room.margins[: free.size],
+        walls,
+        room.sides,
+        room.contacts,
+    )
+    return Tree(as_bodies(tree.c, room.sides), tree.clock, tree.key, bodies)
 
 
 @internal
-def _is_near(c: Constants, h: float, s: State, end: State, margin: Pair) -> bool:
+def _move_open(tree: Tree, part: Tree) -> None:
+    """Take over the state of the bodies that closed meshes leave."""
+    room = tree.room
+    put_open(room.state, open_meshes(room.sides), part.room.state)
+
+
+@lean_internal
+def _fly(tree: Tree, tau: float, h: float, noise: Noise, end: Floats) -> None:
+    """Write the state after a flight of time h, at most a step, with given noise."""
+    c = tree.c
+    room = tree.room
+    phase = phase_at(c.drive, tau)
+    increment = noise.increment
+    area = noise.area
+    short_flight(c, c.alpha, 1.0, phase, h, room.state, increment, area, room.series, end)
+
+
+@lean_internal
+def _is_near(c: Constants, h: float, s: Floats, end: Floats, margins: Floats) -> bool:
     """Whether a flight between two states may meet a wall."""
     third = h / 3.0
-    if near_wall(third, s[0], s[1], end[0], end[1], c.wall1, c.wall1, margin[0]):
-        return True
-    return c.stages == 2 and near_wall(
-        third, s[2], s[3], end[2], end[3], c.wall2, c.wall2, margin[1]
-    )
+    for i in range(c.wheels.size):
+        wall = c.wheels[i].wall
+        x = 2 * i
+        y = x + 1
+        if near_wall(third, s[x], s[y], end[x], end[y], wall, wall, margins[i]):
+            return True
+    return False
 
 
-@internal
-def _first_wall(c: Constants, h: float, s: State, end: State) -> tuple[float, int]:
+@lean_internal
+def _first_wall(c: Constants, h: float, s: Floats, end: Floats) -> tuple[float, int]:
     """Share of a leaf after which the first wall is met, and its ``mesh * side``; 1 and 0 if none
     is."""
     share = 1.0
     code = 0
-    for mesh in range(1, c.stages + 1):
-        j = 2 * (mesh - 1)
-        wall = c.wall1 if mesh == 1 else c.wall2
+    for i in range(c.wheels.size):
+        wall = c.wheels[i].wall
         for side in (1, -1):
-            gap1 = wall - side * end[j]
+            gap1 = wall - side * end[2 * i]
             if gap1 < 0.0:
-                gap0 = max(wall - side * s[j], 0.0)
-                out0 = side * s[j + 1]
-                out1 = side * end[j + 1]
+                gap0 = max(wall - side * s[2 * i], 0.0)
+                out0 = side * s[2 * i + 1]
+                out1 = side * end[2 * i + 1]
                 root = 0.0
                 if gap0 > 0.0 or out0 < 0.0:
                     root = first_root(gap0, gap0 - out0 * h / 3.0, gap1 + out1 * h / 3.0, gap1)
                 if root < share:
                     share = root
-                    code = mesh * side
+                    code = (i + 1) * side
     return share, code
+
+
+@lean_internal
+def _reach_wall(
+    tree: Tree, tau: float, left: float, h: float, increment: float
+) -> tuple[float, int]:
+    """Carry a path to the first wall that it meets in what is left of a leaf, or to its end;
+    returns the time, and ``mesh * side`` or 0.
+
+    `increment`: of the noise in the whole leaf.
+    """
+    room = tree.room
+    _fly(tree, tau, left, Noise(increment * (left / h), 0.0), room.end)
+    share, code = _first_wall(tree.c, left, room.state, room.end)
+    if code == 0:
+        copy_state(room.state, room.end)
+        return left, 0
+    t = share * left
+    _fly(tree, tau, t, Noise(increment * (t / h), 0.0), room.state)
+    put_on_wall(room.state, code, room.walls)
+    return t, code
+
+
+@internal
+def _reach_wall_beside(
+    tree: Tree, tau: float, left: float, h: float, increment: float
+) -> tuple[float, int]:
+    """`_reach_wall` beside closed meshes."""
+    not_inlined()
+    part = _beside(tree)
+    t, code = _reach_wall(part, tau, left, h, increment)
+    _move_open(tree, part)
+    if code != 0:
+        code = due_side(code) * (open_meshes(tree.room.sides)[abs(code) - 1] + 1)
+    return t, code
+
+
+@lean_internal
+def _rests(s: Floats) -> bool:
+    """Whether a gap has no rate at all: a mesh that was closed."""
+    resting = False
+    for i in range(s.size // 2):
+        resting = resting or s[2 * i + 1] == 0.0
+    return resting
+
+
+@internal
+def _close_resting(tree: Tree, tau: float, alpha: float, held: Ints) -> None:
+    """Close, beside those that are held, the meshes at rest that an excitation presses shut."""
+    not_inlined()
+    c = tree.c
+    room = tree.room
+    s = room.state
+    touching = held.copy()
+    for i in range(held.size):
+        if s[2 * i + 1] == 0.0 and abs(s[2 * i]) == room.walls[2 * i]:
+            touching[i] = 1 if s[2 * i] > 0.0 else -1
+    pushed = Constants(alpha, c.sigma, c.wheels, c.drive, c.memory)
+    sticking = np.empty(held.size, np.int64)
+    driver = velocity_acceleration(c.drive, tau)
+    find_sticking(pushed, driver, s, touching, sticking, np.empty(held.size, BODY))
+    for i in range(held.size):
+        room.sides[i] = held[i] if held[i] != 0 else sticking[i]
+
+
+@internal
+def _put_closed(tree: Tree) -> None:
+    """Put the closed meshes on their walls, at rest."""
+    not_inlined()
+    room = tree.room
+    close(tree.c, room.state, room.sides, room.walls, np.empty(room.sides.size, BODY))
+
+
+@internal
+def _strike(tree: Tree, mesh: int, held: Ints) -> None:
+    """An impact; a mesh that it shakes is closed no longer, unless its contacts are used up."""
+    room = tree.room
+    strike(tree.c, mesh, room.state)
+    for i in range(held.size):
+        if room.state[2 * i + 1] != 0.0 and room.contacts[i] < MOST_IN_A_STEP:
+            held[i] = 0
+            room.sides[i] = 0
+    if is_any(room.sides):
+        _put_closed(tree)
 
 
 @internal
 def _leaf(
-    c: Constants, tau: float, offset: float, h: float, noise: Noise, s: State, hits: Floats, n: int
-) -> tuple[State, int]:
-    """Carry a path through a leaf; returns its state and the number of impacts in the step so
-    far."""
+    tree: Tree, tau: float, offset: float, h: float, increment: float, hits: Floats, n: int
+) -> int:
+    """Carry a path through a leaf, in place; returns the number of impacts in the step so far."""
+    c = tree.c
+    room = tree.room
+    s = room.state
     left = h
     gone = 0.0
-    for _ in range(IN_A_LEAF):
-        end = _fly(c, tau + gone, s, left, Noise(noise.increment * (left / h), 0.0))
-        share, code = _first_wall(c, left, s, end)
-        if code == 0 or n == len(hits):
-            s = end
-            break
-        t = share * left
-        s = _fly(c, tau + gone, s, t, Noise(noise.increment * (t / h), 0.0))
-        side = 1 if code > 0 else -1
-        mesh = abs(code)
-        s = (side * c.wall1, s[1], s[2], s[3]) if mesh == 1 else (s[0], s[1], side * c.wall2, s[3])
+    held = room.sides.copy()
+    while n < len(hits):
+        if _rests(s):
+            _close_resting(tree, tau + gone, c.alpha + c.sigma * increment / h, held)
+        if is_any(room.sides):
+            t, code = _reach_wall_beside(tree, tau + gone, left, h, increment)
+        else:
+            t, code = _reach_wall(tree, tau + gone, left, h, increment)
         gone = gone + t
         left = left - t
+        if code == 0:
+            break
+        mesh = abs(code)
+        side = due_side(code)
+        room.contacts[mesh - 1] += 1
         if side * s[2 * mesh - 1] > 0.0:
             hits[n, 0] = offset + gone
             hits[n, 1] = code
-            for i in range(4):
+            for i in range(s.size):
                 hits[n, 2 + i] = s[i]
             n += 1
-            y1, y2 = struck(c, mesh, s[1], s[3])
-            s = s[0], y1, s[2], y2
-    x1 = min(max(s[0], -c.wall1), c.wall1)
-    x2 = min(max(s[2], -c.wall2), c.wall2) if c.stages == 2 else s[2]
-    return (x1, s[1], x2, s[3]), n
+            _strike(tree, mesh, held)
+        if room.contacts[mesh - 1] >= MOST_IN_A_STEP:
+            held[mesh - 1] = side
+            room.sides[mesh - 1] = side
+            _put_closed(tree)
+    copy_state(room.sides, held)
+    clip(s, room.walls)
+    return n
+
+
+@lean_internal
+def _passes(tree: Tree, tau: float, h: float, noise: Noise) -> bool:
+    """Whether a path meets no wall in a part of a step: then it is carried to its end."""
+    c = tree.c
+    room = tree.room
+    phase = phase_at(c.drive, tau)
+    _fly(tree, tau, h, noise, room.end)
+    for i in range(room.margins.size):
+        room.margins[i] = margin_of(c, phase, h, i)
+    if _is_near(c, h, room.state, room.end, room.margins):
+        return False
+    copy_state(room.state, room.end)
+    return True
 
 
 @internal
-def _step_freely(f: Floats, m: Floats, stages: int, s: State, z: Pair) -> State:
-    """State after a step whose noise has the normals z, ignoring the walls.
+def _passes_beside(tree: Tree, tau: float, h: float, noise: Noise) -> bool:
+    """`_passes` beside closed meshes."""
+    not_inlined()
+    part = _beside(tree)
+    passes = _passes(part, tau, h, noise)
+    if passes:
+        _move_open(tree, part)
+    return passes
 
-    `f`, `m`: Of the step, rows of `Clockwork`. Shapes: `f` (14,); `m` (6,).
+
+@lean_internal
+def _step_freely(c: Constants, f: Floats, s: Floats, z: Pair, end: Floats) -> None:
+    """Write the state after a step whose noise has the normals z, ignoring the walls.
+
+    `f`: Of the step. Shapes: `f` (wheels, FORCING).
     """
     a, b = z
-    x1 = s[0] + m[0] * s[1] + (f[0] + f[4] * a + f[8] * b)
-    y1 = m[1] * s[1] + (f[1] + f[5] * a + f[9] * b)
-    if stages == 1:
-        return x1, y1, s[2], s[3]
-    x2 = s[2] + m[2] * s[1] + m[3] * s[3] + (f[2] + f[6] * a + f[10] * b)
-    y2 = m[4] * s[1] + m[5] * s[3] + (f[3] + f[7] * a + f[11] * b)
-    return x1, y1, x2, y2
+    for i in range(c.wheels.size):
+        x = s[2 * i]
+        y = s[2 * i + 1]
+        v = parent_deviation(c, s, i)
+        row = f[i]
+        forced = row[DRIFT] + row[ALONG] * a + row[ACROSS] * b
+        driven = row[DRIFT + 1] + row[ALONG + 1] * a + row[ACROSS + 1] * b
+        end[2 * i] = x + row[CARRY + 2] * v + row[CARRY] * y + forced
+        end[2 * i + 1] = row[CARRY + 3] * v + row[CARRY + 1] * y + driven
 
 
 @internal
 def walk_step(
-    tree: Tree, pending: Floats, path: Word, step: int, z: Pair, state: Floats, hits: Floats
+    tree: Tree, path: Word, step: int, z: Pair, state: Floats, hits: Floats
 ) -> tuple[int, bool]:
     """Carry a path through a step whose noise has the normals z, in place.
 
-    Returns: Number of impacts, and whether `hits` was filled: the path then stays in this state to
-    the end of the step. Shapes: `pending` as of `new_room`; `state` (4,); `hits` (at least 1, HIT).
+    A mesh that has had `MOST_IN_A_STEP` contacts in the step, or that rests and sticks at its start
+    (`rattle.montecarlo.schemes.sticking`), stays closed to its end, or until an impact shakes it.
+
+    Returns: Number of impacts, and whether a mesh was closed at the end of the step. Where `hits`
+    was filled the path stays in this state to the end of the step. Shapes: `state` (2 wheels,);
+    `hits` (at least 1, columns of `new_hits`).
     """
     c = tree.c
     w = tree.clock
-    row = step % len(w.forcing)
-    f = w.forcing[row]
-    s = state[0], state[1], state[2], state[3]
-    end = _step_freely(f, w.carry, c.stages, s, z)
-    n = 0
-    if _is_near(c, w.h, s, end, (f[12], f[13])):
-        whole = Noise(z[0] * math.sqrt(w.h), z[1] * math.sqrt(w.h / 12.0))
-        end, n = _walk_tree(tree, pending, path, step, whole, s, hits)
-    for i in range(4):
-        state[i] = end[i]
-    return n, n == len(hits)
+    room = tree.room
+    f = w.forcing[step % len(w.forcing)]
+    put_all(room.sides, 0)
+    copy_state(room.state, state)
+    if _rests(state):
+        _close_for_step(tree, (step % len(w.forcing)) * w.h)
+    if not is_any(room.sides):
+        _step_freely(c, f, state, z, room.end)
+        for i in range(room.margins.size):
+            room.margins[i] = f[i, MARGIN]
+        if not _is_near(c, w.h, state, room.end, room.margins):
+            copy_state(state, room.end)
+            return 0, False
+    put_all(room.contacts, 0)
+    whole = Noise(z[0] * math.sqrt(w.h), z[1] * math.sqrt(w.h / 12.0))
+    n = _walk_tree(tree, path, step, whole, hits)
+    copy_state(state, room.state)
+    return n, is_any(room.sides)
 
 
 @internal
-def _walk_tree(
-    tree: Tree, pending: Floats, path: Word, step: int, whole: Noise, s: State, hits: Floats
-) -> tuple[State, int]:
-    """Carry a path through a step that may meet a wall, halved until it does not or is a leaf;
-    returns its state and the number of impacts."""
+def _close_for_step(tree: Tree, tau: float) -> None:
+    """Close the meshes at rest that stick for a step."""
+    not_inlined()
+    c = tree.c
+    room = tree.room
+    _close_resting(tree, tau, c.alpha, room.sides.copy())
+    bodies = np.empty(room.sides.size, BODY)
+    contact_motion(c, velocity_acceleration(c.drive, tau), room.state, room.sides, bodies)
+    leave_lifted(c, tree.clock.h, room.sides, c.sigma, bodies)
+
+
+@internal
+def _walk_tree(tree: Tree, path: Word, step: int, whole: Noise, hits: Floats) -> int:
+    """Carry a path through a step that may meet a wall, halved until it does not or is a leaf, in
+    place; returns the number of impacts."""
     c = tree.c
     w = tree.clock
+    pending = tree.room.pending
     tau = (step % len(w.forcing)) * w.h
     offset = 0.0
     n = 0
@@ -251,18 +481,18 @@ def _walk_tree(
         top -= 1
         h = math.ldexp(w.h, -level)
         if level == w.depth:
-            s, n = _leaf(c, tau + offset, offset, h, noise, s, hits, n)
+            n = _leaf(tree, tau + offset, offset, h, noise.increment, hits, n)
             offset += h
             if n == len(hits):
                 break
             continue
-        if level > 0:  # of the whole step it is known
-            phase = phase_at(c.drive, tau + offset)
-            end, _ = short_flight(c, phase, h, s, noise.increment, noise.area)
-            if not _is_near(c, h, s, end, margins(c, phase, h)):
-                s = end
-                offset += h
-                continue
+        if is_any(tree.room.sides):
+            passes = _passes_beside(tree, tau + offset, h, noise)
+        else:  # of the whole step it is known
+            passes = level > 0 and _passes(tree, tau + offset, h, noise)
+        if passes:
+            offset += h
+            continue
         z1 = 0.0
         z2 = 0.0
         if c.sigma > 0.0:
@@ -272,10 +502,10 @@ def _walk_tree(
         _put(pending, top + 1, right, level + 1, 2 * node + 1)
         _put(pending, top + 2, left, level + 1, 2 * node)
         top += 2
-    return s, n
+    return n
 
 
-@internal
+@lean_internal
 def _put(pending: Floats, top: int, noise: Noise, level: int, node: int) -> None:
     """Put an interval onto the stack."""
     pending[top, 0] = noise.increment

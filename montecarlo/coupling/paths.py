@@ -12,7 +12,7 @@ import math
 
 import numpy as np
 
-from rattle.montecarlo.coupling.dyadic import DEEPEST, HIT, Tree, new_room, tree_of, walk_step
+from rattle.montecarlo.coupling.dyadic import DEEPEST, Tree, new_hits, tree_of, walk_step
 from rattle.montecarlo.noise.philox import STEP, Word, normals
 from rattle.montecarlo.schemes.step_state import MOST_IN_A_STEP
 from rattle.scene import Constants, Floats, Scene
@@ -40,40 +40,40 @@ def _stretch(
     s: Stretch,
     velocity: Floats,
 ) -> tuple[int, int, int]:
-    """Fill the arrays from ``at = (x1, y1, x2, y2, time since last impact)`` on; returns impacts,
+    """Fill the arrays from ``at = (x1, y1, ..., time since last impact)`` on; returns impacts,
     steps, sticking."""
     c = tree.c
     w = tree.clock
-    hits = np.empty((MOST_IN_A_STEP, HIT))
-    room = new_room(tree.clock.depth)
-    state = at[:4]
+    hits = new_hits(tree.c, MOST_IN_A_STEP)
+    states = at.size - 1
+    state = at[:states]
     n = taken = sticking = 0
     z0 = z1 = z2 = z3 = 0.0
-    while taken < most and n + MOST_IN_A_STEP <= s.flight.size:
+    while taken < most and n + len(hits) <= s.flight.size:
         if len(velocity) > 0:
-            velocity[taken, 0] = state[1]
-            velocity[taken, 1] = state[3]
+            for i in range(c.wheels.size):
+                velocity[taken, i] = state[2 * i + 1]
         if c.sigma > 0.0:
             if taken == 0 or step % 2 == 0:
                 z0, z1, z2, z3 = normals(tree.key, path, Word(step // 2), Word(STEP))
             z = (z0, z1) if step % 2 == 0 else (z2, z3)
         else:
             z = (0.0, 0.0)
-        found, full = walk_step(tree, room, path, step, z, state, hits)
-        sticking += full
+        found, closed = walk_step(tree, path, step, z, state, hits)
+        sticking += closed
         last = 0.0
         for i in range(found):
-            flight = at[4] + hits[i, 0] - last
+            flight = at[states] + hits[i, 0] - last
             code = int(hits[i, 1])
             tau = (step % len(w.forcing)) * w.h + hits[i, 0]
             s.flight[n] = flight
             s.phase[n] = tau
             s.code[n] = code
             put_row(s.before[n], hits[i, 2:])
-            at[4] = 0.0
+            at[states] = 0.0
             last = hits[i, 0]
             n += 1
-        at[4] += w.h - last
+        at[states] += w.h - last
         step += 1
         taken += 1
     return n, taken, sticking
@@ -83,8 +83,8 @@ class LongPath:
     """One path of a scene, to be followed a stretch at a time.
 
     `step`: time between the velocities that `stretch` returns. `steps`: number of the next step,
-    counted from time 0 (modulo the period at the start). `sticking_steps`: steps with more impacts
-    than there is space for; the path stays as it is to their end.
+    counted from time 0 (modulo the period at the start). `sticking_steps`: steps to whose end a
+    mesh stayed closed.
     """
 
     def __init__(self, scene: Scene, seed: int, path: int = 0, depth: int = DEPTH) -> None:
@@ -94,7 +94,7 @@ class LongPath:
         self.step = self.tree.clock.h
         self.steps = round(scene.phase % (2.0 * np.pi) / self.step)
         self.at = np.array([*first_state(scene), 0.0])
-        self.frame = np.eye(4)
+        self.frame = np.eye(2 * scene.stages)
 
     def stretch(
         self, steps: int, tangent: bool = True, velocities: bool = True
@@ -104,10 +104,11 @@ class LongPath:
         A path that has more impacts than there is space for (one in two steps) ends its stretch
         early.
 
-        Shapes: `velocity` (steps taken, 2).
+        Shapes: `velocity` (steps taken, wheels).
         """
-        s = Stretch.empty(steps // 2 + MOST_IN_A_STEP)
-        velocity = np.empty((steps if velocities else 0, 2))
+        wheels = self.tree.c.wheels.size
+        s = Stretch.empty(steps // 2 + MOST_IN_A_STEP * wheels, wheels)
+        velocity = np.empty((steps if velocities else 0, wheels))
         n, taken, sticking = _stretch(self.tree, self.path, self.steps, steps, self.at, s, velocity)
         s = s.first(n)
         if tangent:
@@ -136,18 +137,17 @@ def _after_impact(
     apart: Floats,
     place: Floats,
 ) -> tuple[int, int]:
-    hits = np.empty((MOST_IN_A_STEP, HIT))
-    other = np.empty((MOST_IN_A_STEP, HIT))
+    hits = new_hits(tree.c, MOST_IN_A_STEP)
+    other = new_hits(tree.c, MOST_IN_A_STEP)
     c = tree.c
     w = tree.clock
-    begin = np.empty(4)
-    partner = np.empty(4)
-    room = new_room(w.depth)
+    begin = state.copy()
+    partner = state.copy()
     n = missed = 0
     for k in range(steps):
         put_row(begin, state)
         z = _two_normals(tree, k)
-        found, _ = walk_step(tree, room, PATH_NUMBER, k, z, state, hits)
+        found, _ = walk_step(tree, PATH_NUMBER, k, z, state, hits)
         if k < settle or found != 1 or abs(hits[0, 1]) != 1:
             continue
         share = hits[0, 0] / w.h
@@ -158,7 +158,7 @@ def _after_impact(
         for i in range(deltas.size):
             put_row(partner, begin)
             partner[0] -= hits[0, 1] * deltas[i]
-            met, _ = walk_step(tree, room, PATH_NUMBER, k, z, partner, other)
+            met, _ = walk_step(tree, PATH_NUMBER, k, z, partner, other)
             whole = met == 1 and other[0, 1] == hits[0, 1]
             if not whole:
                 break
@@ -166,7 +166,7 @@ def _after_impact(
             # the later impact
             back = jacobian(c, other[0, 0] - w.h)
             apart[n, i] = 0.0
-            for j in range(4):
+            for j in range(state.size):
                 apart[n, i] += back[1, j] * (state[j] - partner[j])
         if not whole:
             missed += 1
@@ -174,7 +174,7 @@ def _after_impact(
         tau = (k % len(w.forcing)) * w.h + hits[0, 0]
         place[n, 0] = tau
         place[n, 1] = speed
-        place[n, 2] = noise_rate(c, tau)[0]
+        place[n, 2] = noise_rate(c, tau, 0)
         n += 1
         if n == len(apart):
             break
@@ -206,10 +206,10 @@ def after_impact(
 
 
 @internal
-def _distance(c: Constants, a: Floats, b: Floats) -> float:
-    """Distance of two states, of the stages that there are."""
+def _distance(a: Floats, b: Floats) -> float:
+    """Distance of two states."""
     square = 0.0
-    for i in range(2 * c.stages):
+    for i in range(a.size):
         square += (a[i] - b[i]) ** 2
     return math.sqrt(square)
 
@@ -218,12 +218,14 @@ def _distance(c: Constants, a: Floats, b: Floats) -> float:
 def _place(c: Constants, a: Floats, b: Floats, delta: float) -> bool:
     """Put b at the distance `delta` from a, in its present direction or opposite to it; False if
     walls forbid both."""
-    d = _distance(c, a, b)
+    d = _distance(a, b)
     for sign in (1.0, -1.0):
-        x1 = a[0] + sign * (b[0] - a[0]) * delta / d
-        x2 = a[2] + sign * (b[2] - a[2]) * delta / d
-        if abs(x1) < c.wall1 and (c.stages == 1 or abs(x2) < c.wall2):
-            for i in range(2 * c.stages):
+        inside = True
+        for i in range(c.wheels.size):
+            x = a[2 * i] + sign * (b[2 * i] - a[2 * i]) * delta / d
+            inside = inside and abs(x) < c.wheels[i].wall
+        if inside:
+            for i in range(a.size):
                 b[i] = a[i] + sign * (b[i] - a[i]) * delta / d
             return True
     return False
@@ -241,27 +243,26 @@ def _growths(
     found: Floats,
 ) -> int:
     c = tree.c
-    hits = np.empty((MOST_IN_A_STEP, HIT))
-    room = new_room(tree.clock.depth)
+    hits = new_hits(tree.c, MOST_IN_A_STEP)
     b = a.copy()
     n = waited = 0
     last = 0.0
     together = True
     for k in range(steps):
         z = _two_normals(tree, k)
-        walk_step(tree, room, PATH_NUMBER, k, z, a, hits)
+        walk_step(tree, PATH_NUMBER, k, z, a, hits)
         if k < settle:
             continue
         if together:  # start anew with a partner beside the path
-            for i in range(2 * c.stages):
-                b[i] = a[i] + delta / math.sqrt(2.0 * c.stages)
+            for i in range(a.size):
+                b[i] = a[i] + delta / math.sqrt(a.size)
             together = not _place(c, a, b, delta)
             waited = 0
             last = delta
             continue
-        walk_step(tree, room, PATH_NUMBER, k, z, b, hits)
+        walk_step(tree, PATH_NUMBER, k, z, b, hits)
         waited += 1
-        now = _distance(c, a, b)
+        now = _distance(a, b)
         # the smaller of two: between both paths' impacts distance does not count
         far = min(now, last)
         last = now
@@ -291,7 +292,7 @@ def growths(
     and the growth.
 
     The distance is looked at once a step (2 pi / 128 or less); after each growth the partner is put
-    back to `delta` in its present direction.  The distance is that of ``(x1, y1, x2, y2)``, the
+    back to `delta` in its present direction.  The distance is that of ``(x1, y1, ...)``, the
     smaller one of two successive steps.
 
     `patience`: Time after which a growth is given up; it is returned as it is then.

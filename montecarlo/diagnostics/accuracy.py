@@ -19,8 +19,12 @@ from rattle.montecarlo.diagnostics.unseen import Unseen, unseen
 from rattle.montecarlo.diagnostics.unseen_text import unseen_text
 from rattle.montecarlo.kernel.block import BLOCK
 from rattle.montecarlo.statistics.intervals import CONFIDENCE, ROUNDED_SD
-from rattle.montecarlo.statistics.section_statistics import stack_section
-from rattle.scene import SECTION, STATE, Floats, Scene
+from rattle.montecarlo.statistics.section_statistics import (
+    quantities_in,
+    quantity_at,
+    stack_section,
+)
+from rattle.scene import Floats, Scene
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -35,7 +39,7 @@ SMALL_NOISE = 0.2
 Z_OF_GAIN = 3.0  # half width, in standard errors, at which the skewness of rows is accounted for
 BOUND_MOMENTS = ("mean", "sd")
 Place = tuple[np.intp, ...]
-"""Indices of a moment in `BOUND_MOMENTS`, of a quantity in `SECTION`, and of an impact."""
+"""Indices of a moment in `BOUND_MOMENTS`, of a section quantity, and of an impact."""
 
 
 def smallest_sd(columns: Mapping[str, NDArray[Any]]) -> dict[str, Floats]:
@@ -46,8 +50,9 @@ def smallest_sd(columns: Mapping[str, NDArray[Any]]) -> dict[str, Floats]:
     over the impacts.
     """
     tau = ROUNDED_SD * np.abs(np.asarray(columns["tau"], float))
-    found = dict.fromkeys(SECTION[:2], tau)
-    for q in STATE:
+    tau_name, flight_name, *states = quantities_in(columns)
+    found = {tau_name: tau, flight_name: tau}
+    for q in states:
         size = np.nan_to_num(np.hypot(columns[q], columns["sd_" + q]))
         found[q] = np.full_like(tau, ROUNDED_SD * size.max(initial=0.0))
     return found
@@ -56,11 +61,12 @@ def smallest_sd(columns: Mapping[str, NDArray[Any]]) -> dict[str, Floats]:
 def unit_rows(run: Any) -> Floats:
     """As `units`, without a table.
 
-    `run`: An ensemble, or a stored result with the same columns. Shapes: result (6, impacts).
+    `run`: An ensemble, or a stored result with the same columns. Shapes: result (quantities,
+    impacts).
     """
     sd = stack_section(run.columns, "sd_")
     unit = np.where(sd > list(smallest_sd(run.columns).values()), sd, 1.0)
-    for mesh in (1, 2):
+    for mesh in range(1, len(unit) // 2):
         unit[2 * mesh, run.columns["mesh"] == mesh] = 1.0
     return unit
 
@@ -69,7 +75,9 @@ def units(run: Any) -> "pd.DataFrame":
     """Unit of each quantity's errors: its sd, or 1 where the sd is no scale."""
     import pandas as pd
 
-    return pd.DataFrame(unit_rows(run).T, index=run.section.index, columns=list(SECTION))
+    return pd.DataFrame(
+        unit_rows(run).T, index=run.section.index, columns=list(quantities_in(run.columns))
+    )
 
 
 def sampling_error(run: Any) -> tuple[float, str]:
@@ -82,7 +90,7 @@ def sampling_error(run: Any) -> tuple[float, str]:
 
 
 def _stack_errors(columns: Mapping[str, NDArray[Any]]) -> Floats:
-    """Standard errors of section means and sds, shape (2, 6, impacts)."""
+    """Standard errors of section means and sds, shape (2, quantities, impacts)."""
     return np.stack([stack_section(columns, prefix) for prefix in ("se_", "se_sd_")])
 
 
@@ -127,17 +135,18 @@ def skewness_gain(columns: Mapping[str, NDArray[Any]], quantity: str, sd: bool, 
 def absolute_errors(columns: Mapping[str, NDArray[Any]]) -> Floats:
     """Standard errors of section means and sds, longer where their sampling distribution is skewed.
 
-    Returns: Of the mean and of the sd of ``tau, flight, x1, y1, x2, y2``, in the quantity's own
-    unit; 0 where not known. Shapes: result (2, 6, impacts).
+    Returns: Of the mean and of the sd of each section quantity, in its own unit; 0 where not known.
+    Shapes: result (2, quantities, impacts).
     """
-    gains = [[skewness_gain(columns, q, sd, Z_OF_GAIN) for q in SECTION] for sd in (False, True)]
+    quantities = quantities_in(columns)
+    gains = [[skewness_gain(columns, q, sd, Z_OF_GAIN) for q in quantities] for sd in (False, True)]
     return np.nan_to_num(_stack_errors(columns)) * (1.0 + np.abs(gains))
 
 
 def unseen_shifts(hidden: Unseen) -> Floats:
     """How far unseen branches could move a mean or an sd, whichever way is further.
 
-    Shapes: result (2, 6, impacts).
+    Shapes: result (2, quantities, impacts).
     """
     return np.asarray(np.nan_to_num([either.T for either in hidden.either_way()]))
 
@@ -161,8 +170,8 @@ def count_paths(columns: Mapping[str, NDArray[Any]]) -> int:
 
 
 def errors_by_row(run: Any) -> tuple[Floats, Floats, Unseen]:
-    """Standard errors and shifts by unseen branches of all rows, in their units, shape (2, 6,
-    impacts)."""
+    """Standard errors and shifts by unseen branches of all rows, in their units, shape (2,
+    quantities, impacts)."""
     unit = unit_rows(run)
     hidden = unseen(run.scene, run.columns, count_paths(run.columns))
     return absolute_errors(run.columns) / unit, unseen_shifts(hidden) / unit, hidden
@@ -197,7 +206,7 @@ def error_bound(run: Any, share: float = 1.0 - CONFIDENCE) -> Bound:
 def name_row(row: Place) -> str:
     """A row in words."""
     moment, i, k = row
-    return f"{BOUND_MOMENTS[moment]} of {SECTION[i]} at impact {k + 1}"
+    return f"{BOUND_MOMENTS[moment]} of {quantity_at(int(i))} at impact {k + 1}"
 
 
 def small_noise(scene: Scene) -> bool:

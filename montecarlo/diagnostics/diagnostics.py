@@ -12,7 +12,7 @@ from rattle.montecarlo.diagnostics.accuracy import error_bound
 from rattle.montecarlo.schemes.step_size import SCHEMES, trusted_step, usual_step
 from rattle.montecarlo.schemes.step_state import MOST_IN_A_STEP
 from rattle.montecarlo.settings import DEFAULT_STEPS, is_random, noise_free_path
-from rattle.scene import SECTION, Floats, Scene
+from rattle.scene import Floats, Scene, section_names
 
 UNSEEN_ERROR = 0.1
 """Largest error from branches that were not sampled, in sds, that is not diagnosed."""
@@ -41,19 +41,15 @@ def motion_units(columns: Mapping[str, NDArray[Any]], scene: Scene) -> dict[str,
     Shapes: result (impacts,).
     """
     flight = np.abs(columns["flight"])
-    speed = np.hypot(columns["y1"], columns["sd_y1"])
-    if scene.stages == 2:
-        speed = np.maximum(speed, np.hypot(columns["y2"], columns["sd_y2"]))
-    fastest = np.full_like(flight, np.nanmax(speed, initial=0.0))
-    scale = {
-        "tau": flight,
-        "flight": flight,
-        "x1": scene.gap1,
-        "y1": fastest,
-        "x2": scene.gap2,
-        "y2": fastest,
-    }
-    return {q: np.fmax(columns["sd_" + q], SMALLEST_UNIT * scale[q]) for q in SECTION}
+    fastest = 0.0
+    scale = {"tau": flight, "flight": flight}
+    for i, wheel in enumerate(scene.tree, 1):
+        speed = np.hypot(columns[f"y{i}"], columns[f"sd_y{i}"])
+        fastest = np.nanmax(speed, initial=fastest)
+        scale[f"x{i}"] = np.full_like(flight, wheel.gap)
+    for i in range(1, scene.stages + 1):
+        scale[f"y{i}"] = np.full_like(flight, fastest)
+    return {q: np.fmax(columns["sd_" + q], SMALLEST_UNIT * size) for q, size in scale.items()}
 
 
 def orbit_shift(run: Any) -> tuple[float, str]:
@@ -70,7 +66,7 @@ def orbit_shift(run: Any) -> tuple[float, str]:
     parted = shared & (coarse[:, -1] != fine[:, -1])
     if parted.any():
         return math.inf, f"the mesh of impact {int(parted.argmax()) + 1}"
-    quantities = SECTION[: 2 + 2 * run.scene.stages]
+    quantities = section_names(run.scene.stages)
     shifts = np.zeros((plan.impacts, 1 + len(quantities)))
     if SCHEMES[plan.scheme].detects_at_end:
         late = 0.5 * plan.dt * np.arange(1, plan.impacts + 1)
@@ -178,7 +174,7 @@ def _list_counted(run: Any) -> Iterator[str]:
     scene = run.scene
     plan = run.plan
     yield "" if run.reach is None or run.reach.reached else run.reach.sentence
-    if scene.sigma > 0.0 and scene.epsilon < COLLAPSE:
+    if scene.sigma > 0.0 and scene.constants.wheels["epsilon"].min() < COLLAPSE:
         yield (
             f"Noise at a restitution below {COLLAPSE:.3f} lets impacts accumulate without end: the"
             " later an impact, the more its number depends on the step."

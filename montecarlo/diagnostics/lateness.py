@@ -12,7 +12,7 @@ import numpy as np
 from rattle.montecarlo.kernel.block import Plan
 from rattle.montecarlo.schemes.step_size import COARSEST, SCHEMES
 from rattle.montecarlo.settings import exact_orbit, noise_free_path
-from rattle.scene import SECTION, Floats
+from rattle.scene import Floats
 
 # sd of impact times, in steps, above which lateness is smooth: a normal distribution of this sd
 # leaves exp(-2 pi^2 / 4), less than 1 % of the saw-tooth
@@ -29,9 +29,9 @@ def find_lateness(plan: Plan, sd_tau: Floats) -> Floats:
     It is the largest difference of paths without noise from the exact orbit, infinite where one
     strikes another flank.
 
-    Shapes: `sd_tau` (impacts,); result (impacts, SECTION).
+    Shapes: `sd_tau` (impacts,); result (impacts, quantities).
     """
-    late = np.zeros((plan.impacts, len(SECTION)))
+    late = np.zeros((plan.impacts, 2 + 2 * plan.scene.stages))
     if not SCHEMES[plan.scheme].detects_at_end:
         return late
     # an impact keeps what those before it were late by
@@ -41,8 +41,8 @@ def find_lateness(plan: Plan, sd_tau: Floats) -> Floats:
     exact = exact_orbit(plan)
     for share in STEPS_TRIED:
         path = noise_free_path(plan, plan.scheme, share * plan.dt)
-        differs = np.logical_or.accumulate(path[:, 6] != exact[:, 6])
-        error = np.abs(path - exact)[:, : len(SECTION)]
+        differs = np.logical_or.accumulate(path[:, -1] != exact[:, -1])
+        error = np.abs(path - exact)[:, :-1]
         error[differs] = np.inf
         late[rough] = np.maximum(late, error)[rough]
     return late

@@ -11,7 +11,8 @@ from rattle.montecarlo.diagnostics.accuracy import skewness_gain, smallest_sd
 from rattle.montecarlo.diagnostics.unseen import unseen
 from rattle.montecarlo.settings import is_random
 from rattle.montecarlo.statistics.intervals import ABSOLUTE, FEWEST_FOR_SD
-from rattle.scene import SECTION, Floats, Scene
+from rattle.montecarlo.statistics.section_statistics import quantities_in
+from rattle.scene import Floats, Scene
 from rattle.scene.table_entries import pick
 
 if TYPE_CHECKING:
@@ -42,7 +43,7 @@ class Simulated(Protocol):
 def at_wall(quantity: Any, mesh: Any) -> Any:
     """Whether a quantity is the displacement at the struck mesh, which is the known position of the
     wall and is not judged."""
-    return ((quantity == "x1") & (mesh == 1)) | ((quantity == "x2") & (mesh == 2))
+    return np.asarray(quantity, str) == np.char.add("x", np.asarray(mesh, int).astype(str))
 
 
 def list_reference(run: Simulated) -> "pd.DataFrame":
@@ -74,7 +75,7 @@ def list_reference(run: Simulated) -> "pd.DataFrame":
     few = ~is_mean & is_random(run.scene) & (paths < FEWEST_FOR_SD)
     least = pd.DataFrame(smallest_sd(columns), index=section.index)
     hidden = unseen(run.scene, columns, int(section["paths"].max()))
-    at = impact.to_numpy() - 1, _number(quantity)
+    at = impact.to_numpy() - 1, _number(columns, quantity)
     of_mean = is_mean.to_numpy()
     needed = hidden.needed[at]
     return pd.DataFrame(
@@ -108,11 +109,11 @@ def list_reference(run: Simulated) -> "pd.DataFrame":
     )
 
 
-def _number(quantity: "pd.Series") -> NDArray[np.intp]:
-    """Place of each quantity in `SECTION`."""
+def _number(columns: Mapping[str, Any], quantity: "pd.Series") -> NDArray[np.intp]:
+    """Place of each quantity among the section quantities."""
     import pandas as pd
 
-    return np.asarray(pd.Index(SECTION).get_indexer(pd.Index(quantity)))
+    return np.asarray(pd.Index(quantities_in(columns)).get_indexer(pd.Index(quantity)))
 
 
 def _find_lean(columns: Mapping[str, NDArray[Any]], steps: "pd.DataFrame") -> Floats:
@@ -121,8 +122,11 @@ def _find_lean(columns: Mapping[str, NDArray[Any]], steps: "pd.DataFrame") -> Fl
     Shapes: result (rows,).
     """
     gains = np.array(
-        [[skewness_gain(columns, q, of_sd, 1.0) for q in SECTION] for of_sd in (False, True)]
+        [
+            [skewness_gain(columns, q, of_sd, 1.0) for q in quantities_in(columns)]
+            for of_sd in (False, True)
+        ]
     )
-    at = _number(steps["quantity"]), steps["impact"].to_numpy() - 1
+    at = _number(columns, steps["quantity"]), steps["impact"].to_numpy() - 1
     # of z = 1 the gain is lean (2 + 1) / 6
     return np.asarray(2.0 * gains[(steps["moment"] == "sd").to_numpy(int), *at])

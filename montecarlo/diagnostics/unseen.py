@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from rattle.montecarlo.branches.search import SMALLEST, RareEvents, search_of
 from rattle.montecarlo.kernel.mixture import BranchMixture
 from rattle.montecarlo.settings import is_random
-from rattle.montecarlo.statistics.section_statistics import stack_section
-from rattle.scene import SECTION, Floats, Scene
+from rattle.montecarlo.statistics.section_statistics import quantity_at, stack_section
+from rattle.scene import Floats, Scene
 
 SEEN = 10.0
 """Expected number of sampled paths from which on a branch is in the sample; below, it may be
@@ -22,7 +22,7 @@ class Unseen(NamedTuple):
     """How far the true means and sds could lie beyond the sampled ones for want of paths on rare
     branches.
 
-    All arrays have the shape (impacts, 6), for ``tau, flight, x1, y1, x2, y2``.
+    All arrays have the shape (impacts, section quantities).
     """
 
     # mean_up, mean_down, sd_up, sd_down: largest shifts of the mean and of the sd, upwards and
@@ -67,9 +67,9 @@ def unseen_columns(hidden: Unseen) -> dict[str, Floats]:
     """The columns from which `unseen` restores it, whichever way a moment may be off further."""
     values = np.stack([*hidden.either_way(), hidden.probability, hidden.needed])
     return {
-        f"unseen_{part}{q}": values[n, :, i]
+        f"unseen_{part}{quantity_at(i)}": values[n, :, i]
         for n, part in enumerate(PARTS)
-        for i, q in enumerate(SECTION)
+        for i in range(values.shape[2])
     }
 
 
@@ -88,14 +88,14 @@ def find_unseen(
     """
     impacts = len(columns["tau"])
     sd = stack_section(columns, "sd_").T
-    nil = np.zeros((impacts, len(SECTION)))
+    nil = np.zeros_like(sd)
     if not is_random(scene) or scene.sigma == 0.0 or paths == 0:
         return Unseen(nil, nil, nil, nil, nil, nil, impacts)
     found = _branches(scene, impacts, paths, mixture, dt)
     often = found.probabilities * _boosts(found, mixture)
     expected = often * paths
     rare = (expected < SEEN) & (expected >= 1e-6)
-    added = found.additions if itinerary is None else found.additions_on(itinerary, scene.constants)
+    added = found.additions if itinerary is None else found.additions_on(itinerary)
     often = often[rare]
     probability = found.probabilities[rare]
     mean, square, _ = added[:, rare]
@@ -144,10 +144,11 @@ class Added(NamedTuple):
     """What branches add to the moments of the section that more paths will see and fewer cannot
     have seen."""
 
-    square: Floats  # added to the mean squared deviation from the orbit; not negative; (impacts, 6)
+    square: Floats  # added to the mean squared deviation from the orbit; not negative;
+    # (impacts, quantities)
     # noise, fourth: added to the variance of a path's deviation and of its square as the paths are
     # drawn: to the mean square and fourth power, less where branches are sampled on purpose;
-    # (impacts, 6)
+    # (impacts, quantities)
     noise: Floats
     fourth: Floats
     probabilities: Floats  # of these branches
@@ -167,7 +168,7 @@ def branches_between(
     """
     impacts = len(columns["tau"])
     if not is_random(scene) or scene.sigma == 0.0:
-        nil = np.zeros((impacts, len(SECTION)))
+        nil = np.zeros((impacts, 2 + 2 * scene.stages))
         return Added(nil, nil, nil, np.zeros(0))
     found = _branches(scene, impacts, more, mixture, dt)
     boosts = _boosts(found, mixture)
@@ -185,5 +186,5 @@ def _range(scene: Scene, columns: Mapping[str, NDArray[Any]]) -> Floats:
     size[0] = size[1]  # of times, that of a flight
     size += 3.0 * np.nan_to_num(stack_section(columns, "sd_"))
     found = np.max(size, axis=1, where=np.isfinite(size), initial=0.0)
-    found[[2, 4]] = 2.0 * scene.constants.wall1, 2.0 * scene.constants.wall2
+    found[2::2] = 2.0 * scene.constants.wheels["wall"]
     return np.asarray(found)

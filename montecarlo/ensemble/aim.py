@@ -24,7 +24,7 @@ from scipy.special import ndtr
 from rattle.montecarlo.branches.choose import LIKELY, SEARCHED_STEPS, list_distinct
 from rattle.montecarlo.branches.rare_events import LATEST_OTHER
 from rattle.montecarlo.branches.search import SMALLEST, search_of
-from rattle.montecarlo.kernel.block import BLOCK, CODES, Plan, sample_mixture
+from rattle.montecarlo.kernel.block import BLOCK, Plan, impact_codes, sample_mixture
 from rattle.montecarlo.kernel.mixture import BEFORE, SPLIT, BranchMixture, mixture_of, tail
 from rattle.montecarlo.settings import EXACT_SCHEME, NOISE_FREE, plan_of
 from rattle.scene import Floats, Scene
@@ -103,6 +103,8 @@ def aim(scene: Scene, impacts: int, dt: float) -> tuple[Exit, ...]:
     if not search.responses:
         return ()
     directions, known = _list_directions(search.responses)
+    if not len(directions):  # all impacts are at the start
+        return ()
     plan = plan_of(scene, BLOCK, impacts, dt, EXACT_SCHEME, AIM_KEY)
     pilots = list[_Pilot]()
 
@@ -110,7 +112,7 @@ def aim(scene: Scene, impacts: int, dt: float) -> tuple[Exit, ...]:
         points: Sequence[Floats], shares: Sequence[float], blocks: int, amplified: float = 1.0
     ) -> None:
         zeros = [0.0] * len(directions)
-        centre = np.zeros((impacts, 6))
+        centre = np.zeros((impacts, 2 + 2 * scene.stages))
         mixture = mixture_of([*points, *directions], [*shares, *zeros], centre, BLOCK)
         seed = np.random.SeedSequence(AIM_KEY, spawn_key=(len(pilots),))
         one = plan._replace(seed=seed, scene=replace(scene, sigma=amplified * scene.sigma))
@@ -180,7 +182,7 @@ def _list_directions(responses: Sequence[Floats]) -> tuple[Floats, list[int]]:
     """Orthonormal directions of the noise to which states before impacts respond, and how many are
     known by each.
 
-    Shapes: `responses`, each (4, steps); result (directions, steps).
+    Shapes: `responses`, each (2 wheels, steps); result (directions, steps).
     """
     directions = np.zeros((0, responses[0].shape[1]))
     known = []
@@ -205,11 +207,11 @@ def _list_left(plan: Plan, pilot: _Pilot, known: Sequence[int], block: int) -> N
     noise = pilot.amplified * along[:, :, along.shape[2] - known[-1] :]
     follows = np.ones(BLOCK, dtype=bool)
     for k, directions in enumerate(known):
-        for code in CODES:
-            leave = follows & (rows[:, k, 6] == code)
+        for code in impact_codes(plan.scene.stages):
+            leave = follows & (rows[:, k, -1] == code)
             if code != orbit[k] and leave.any():
                 pilot.left.setdefault((k + 1, code), []).append(noise[leave, k, :directions])
-        follows &= rows[:, k, 6] == orbit[k]
+        follows &= rows[:, k, -1] == orbit[k]
 
 
 def _find_points(noise: Floats, weights: Floats) -> list[Floats]:

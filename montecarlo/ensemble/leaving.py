@@ -25,9 +25,9 @@ from rattle.montecarlo.branches.search import search_of
 from rattle.montecarlo.ensemble.aim import ENOUGH_PATHS, Exit, aim, share_out
 from rattle.montecarlo.kernel.block import (
     BLOCK,
-    CODES,
     Followers,
     follow_itinerary,
+    impact_codes,
     sample_mixture,
 )
 from rattle.montecarlo.kernel.mixture import mixture_of
@@ -61,18 +61,20 @@ def find_leaving(run: Any, followers: Mapping[str, Followers]) -> pd.DataFrame:
     ]
     near = _sample_near(run, aimed)
     one_path = 1.0 / run.paths
+    codes = impact_codes(run.scene.stages)
     listed, near_ones = ([(one.impact, one.code) for one in some] for some in (exits, aimed))
     rows = []
     for k, i in np.ndindex(plain.shape[1:]):
-        key = (k + 1, CODES[i])
+        code = codes[i]
+        key = (k + 1, code)
         is_near = key in near_ones
         total, squares, largest = near[:, k, i] if is_near else plain[:, k, i]
         if key not in listed and total == 0.0:
             continue
         bounds = interval(total, squares, max(largest, 0.0 if is_near else one_path))
         paths = total**2 / squares if squares > 0.0 else 0.0
-        side = int(np.sign(CODES[i]))
-        rows.append((k + 1, abs(CODES[i]), side, total, *bounds, paths, is_near))
+        side = int(np.sign(code))
+        rows.append((k + 1, abs(code), side, total, *bounds, paths, is_near))
     return pd.DataFrame(rows, columns=LEAVING_COLUMNS).astype({"near": bool})
 
 
@@ -120,10 +122,12 @@ def _list_exits(run: Any) -> Sequence[Exit]:
 
 def _sample_near(run: Any, exits: Sequence[Exit]) -> Floats:
     """What `Followers.left` has, in probabilities, from paths drawn near exits."""
-    left = np.zeros((3, run.plan.impacts, len(CODES)))
+    wheels = run.scene.stages
+    left = np.zeros((3, run.plan.impacts, len(impact_codes(wheels))))
     if not exits:
         return left
-    mixture = mixture_of(*share_out(exits), np.zeros((run.plan.impacts, 6)), BLOCK)
+    centre = np.zeros((run.plan.impacts, 2 + 2 * wheels))
+    mixture = mixture_of(*share_out(exits), centre, BLOCK)
     seed = child_seed(run.plan.seed, LEAVING_KEY)
     dt = default_step(run.plan.scene, EXACT_SCHEME)
     most = math.ceil(run.plan.most_steps * run.plan.dt / dt)

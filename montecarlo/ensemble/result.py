@@ -12,20 +12,27 @@ import numpy as np
 from rattle.montecarlo.diagnostics.lateness import find_lateness
 from rattle.montecarlo.diagnostics.reach import Reach
 from rattle.montecarlo.kernel.block import (
-    CODES,
-    CROSS,
-    PAIRS,
-    SECTION_OF,
-    SECTION_PAIRS,
     BlockResult,
     Plan,
+    impact_codes,
+    kept_places,
+    section_pairs,
+    state_pairs,
 )
 from rattle.montecarlo.schemes.control_variate import estimate_controlled
 from rattle.montecarlo.schemes.step_size import COARSEST, SCHEMES
 from rattle.montecarlo.settings import NOISE_FREE, begins, is_random
 from rattle.montecarlo.statistics import section_statistics as statistics
 from rattle.montecarlo.statistics.records import Batches, Histograms
-from rattle.scene import SECTION, STATE, Floats, InputError, Ints, Scene, choice
+from rattle.scene import (
+    Floats,
+    InputError,
+    Ints,
+    Scene,
+    choice,
+    section_names,
+    state_names,
+)
 from rattle.scene.numpy_errors import numpy_defaults
 from rattle.scene.section_result import SectionResult
 from rattle.scene.units import at_times_in
@@ -55,9 +62,9 @@ class Ensemble(SectionResult):
     histograms : Histograms or None
         Section histograms, if asked for.
     raw : ndarray or None
-        ``tau, flight, x1, y1, x2, y2, mesh * side`` of every impact of every path, shape (paths,
-        impacts, 7), if asked for; here and in the histograms tau is counted from the start's phase
-        (`Scene.phase`).  `records` has them with names.
+        ``tau, flight, x1, y1, ..., mesh * side`` of every impact of every path, shape (paths,
+        impacts, 3 + 2 wheels), if asked for; here and in the histograms tau is counted from the
+        start's phase (`Scene.phase`).  `records` has them with names.
     wall_seconds : float
         Time the run took.
     batches : Batches or None
@@ -117,9 +124,8 @@ class Ensemble(SectionResult):
     def records(self) -> pd.DataFrame:
         """Every impact of every path, recorded with ``record=Record(raw=True)``.
 
-        Index ``path`` (from 0) and ``impact`` (from 1); columns ``tau, flight, x1, y1, x2, y2,
-        mesh, side``, tau in absolute time.  NaN, and mesh and side 0, where a path had no such
-        impact.
+        Index ``path`` (from 0) and ``impact`` (from 1); columns ``tau, flight, x1, y1, ..., mesh,
+        side``, tau in absolute time.  NaN, and mesh and side 0, where a path had no such impact.
 
         Raises
         ------
@@ -146,9 +152,9 @@ class Ensemble(SectionResult):
             [range(paths), range(1, impacts + 1)], names=["path", "impact"]
         )
         rows = self.raw.reshape(paths * impacts, -1)
-        table = pd.DataFrame(rows[:, : len(SECTION)], index, list(SECTION))
+        table = pd.DataFrame(rows[:, :-1], index, list(section_names(self.scene.stages)))
         table["tau"] = self.scene.to_absolute_time(table["tau"].to_numpy())
-        code = np.nan_to_num(rows[:, len(SECTION)]).astype(int)
+        code = np.nan_to_num(rows[:, -1]).astype(int)
         return table.assign(mesh=np.abs(code), side=np.sign(code))
 
     @cached_property
@@ -221,11 +227,11 @@ class Ensemble(SectionResult):
     def section(self) -> pd.DataFrame:
         """Moments of each path's own k-th impact, just before it (dimensionless), index ``impact``.
 
-        Columns: the mean of ``tau, flight, x1, y1, x2, y2`` under their own names, ``mesh`` and
+        Columns: the mean of ``tau, flight, x1, y1, ...`` under their own names, ``mesh`` and
         ``side`` of most paths, ``sd_``, ``skew_``, ``kurt_`` (third and fourth cumulants in units
         of the sd) of each quantity, the standard error of each of these under ``se_`` + its name
         (NaN where fewer than `rattle.montecarlo.statistics.section_statistics.FEWEST_FOR_ERROR`
-        paths tell none), ``rho1, rho2``, ``paths`` that reached the impact, and ``agreement``: the
+        paths tell none), ``rho1, ...``, ``paths`` that reached the impact, and ``agreement``: the
         share that has followed the noise-free itinerary up to there.  With a control variate, means
         and sds and their errors are the controlled ones.  Where the bias of the step was measured
         it stands under ``bias_`` + the name of the mean or sd, which is not corrected
@@ -247,35 +253,35 @@ class Ensemble(SectionResult):
         s = self._statistics
         if "control" in sums:
             s = s | estimate_controlled(sums["control"], self.plan.control.variance)
-        blank = np.ones(s["mean"].shape[1])
-        if self.scene.stages == 1:
-            blank[2 + len(STATE) // 2 : len(SECTION)] = np.nan
+        wheels = self.scene.stages
+        quantities = section_names(wheels)
         columns: dict[str, Floats | Ints] = {}
-        most = np.array(CODES)[np.argmax(self.result.codes, axis=1)] * (self._arrivals > 0)
+        codes = np.array(impact_codes(wheels))
+        most = codes[np.argmax(self.result.codes, axis=1)] * (self._arrivals > 0)
         for prefix, name in (("", "mean"), ("sd_", "sd"), ("skew_", "skew"), ("kurt_", "kurt")):
             tables = {prefix: s[name], "se_" + prefix: s["se_" + name]}
             tables["se_" + prefix] = tables["se_" + prefix] * self._estimable(name)[:, None]
             if name in self._step_biases:
                 tables["bias_" + prefix] = self._step_biases[name].bias
-            for i, quantity in enumerate(SECTION):
-                columns |= {start + quantity: t[:, i] * blank[i] for start, t in tables.items()}
+            for i, quantity in enumerate(quantities):
+                columns |= {start + quantity: t[:, i] for start, t in tables.items()}
                 if prefix + quantity == "flight":
                     columns |= {"mesh": np.abs(most), "side": np.sign(most)}
         columns["tau"] = self.scene.to_absolute_time(s["mean"][:, 0])
         covariance = self.covariance
-        for stage in (1, 2):
-            j = 2 * stage - 1
+        for wheel in range(1, wheels + 1):
+            j = 2 * wheel - 1
             with np.errstate(invalid="ignore", divide="ignore"):
                 scale = np.sqrt(covariance[:, j, j]) * np.sqrt(covariance[:, j + 1, j + 1])
                 # rounding of few paths can pass 1
                 rho = np.clip(covariance[:, j, j + 1] / scale, -1.0, 1.0)
-                columns[f"rho{stage}"] = np.where(scale > 0.0, rho, np.nan)
+                columns[f"rho{wheel}"] = np.where(scale > 0.0, rho, np.nan)
         if "energy" in sums:
             energy = statistics.mean_statistics(sums["energy"])
             columns["energy"] = energy["mean"][:, 0]
             columns["se_energy"] = energy["se_mean"][:, 0] * self._estimable("mean")
         if "weighted" in sums:
-            for i, quantity in enumerate(SECTION):
+            for i, quantity in enumerate(quantities):
                 columns["lean_" + quantity] = s["lean_mean"][:, i]
                 columns["lean_sd_" + quantity] = s["lean_sd"][:, i]
             if self.plan.energy:
@@ -368,7 +374,8 @@ class Ensemble(SectionResult):
         followers = self.result.followers[
             next(n for n in self.plan.apart if begins(own, itineraries[n]))
         ]
-        codes = np.equal.outer(own, CODES) * self.result.agreeing[name][:, None]
+        codes = np.equal.outer(own, impact_codes(self.scene.stages)).astype(float)
+        codes *= self.result.agreeing[name][:, None]
         sums = {of: s.until(np.count_nonzero(own)) for of, s in followers.sums.items()}
         result = replace(self.result, sums=sums, codes=codes, followers={})
         return replace(self, result=result, histograms=None, raw=None, batches=None, unseen={})
@@ -407,20 +414,23 @@ class Ensemble(SectionResult):
 
     @cached_property
     def covariance(self) -> Floats:
-        """Covariance of ``tau, x1, y1, x2, y2`` at each impact, shape (impacts, 5, 5)."""
-        out = np.empty((self.impacts, 5, 5))
+        """Covariance of ``tau, x1, y1, ...`` at each impact, shape (impacts, 1 + 2 wheels, 1 + 2
+        wheels)."""
+        wheels = self.scene.stages
+        places = list(kept_places(wheels))
         sums = self.result.sums
         if "weighted" in sums:
-            moment = sums["weighted"].pair_moment(SECTION_PAIRS)
-            variance = self._statistics["sd"][:, SECTION_OF] ** 2
+            moment = sums["weighted"].pair_moment(section_pairs(wheels))
+            variance = self._statistics["sd"][:, places] ** 2
         else:
             moment = sums["section_pairs"].moment(1, 1)
-            variance = sums["section"].moment(2, 0)[:, SECTION_OF]
-        for k, (i, j) in enumerate(PAIRS):
-            out[:, i, j] = out[:, j, i] = moment[:, k]
-        out[:, range(5), range(5)] = variance
-        if self.scene.stages == 1:
-            out[:, 3:, :] = out[:, :, 3:] = np.nan
+            variance = sums["section"].moment(2, 0)[:, places]
+        size = len(places)
+        out = np.empty((self.impacts, size, size))
+        i, j = np.tril_indices(size, -1)  # in the order of `section_pairs`
+        out[:, i, j] = moment
+        out[:, j, i] = moment
+        out[:, range(size), range(size)] = variance
         return out
 
     def at_times(
@@ -490,26 +500,26 @@ class Ensemble(SectionResult):
         s = statistics.mean_statistics(sums) | statistics.pair_statistics(sums)
         for name, of in (("mean", "mean"), ("cov", "cov"), ("rho", "rho"), ("z", "rho")):
             s["se_" + name] = s["se_" + name] * self._estimable(of, sums.n[:, 0])[:, None]
-        if self.scene.stages == 1:
-            absent = np.max(CROSS, axis=1) >= len(STATE) // 2
-            s = {name: np.where(absent, np.nan, values) for name, values in s.items()}
+        wheels = self.scene.stages
+        names = state_names(wheels)
+        pairs = state_pairs(wheels)
         columns: dict[str, Floats] = {}
-        for k, (i, j) in enumerate(CROSS):
-            if i == j:
-                columns[STATE[i]] = s["mean"][:, k]
-                columns[f"se_{STATE[i]}"] = s["se_mean"][:, k]
-        for k, (i, j) in enumerate(CROSS):
-            columns[f"cov_{STATE[i]}_{STATE[j]}"] = s["cov"][:, k]
-            columns[f"se_cov_{STATE[i]}_{STATE[j]}"] = s["se_cov"][:, k]
-        for stage, k in ((1, CROSS.index((0, 1))), (2, CROSS.index((2, 3)))):
-            columns[f"rho{stage}"] = s["rho"][:, k]
-            columns[f"se_rho{stage}"] = s["se_rho"][:, k]
-            columns[f"se_z_rho{stage}"] = s["se_z"][:, k]
-            if "coarse_fixed" in self.result.sums:
-                coarse = statistics.pair_statistics(self.result.sums["coarse_fixed"])["rho"]
-                columns[f"coarse_rho{stage}"] = np.where(
-                    stage > self.scene.stages, np.nan, coarse[:, stage - 1]
-                )
+        coarse = self.result.sums.get("coarse_fixed")
+        coarse_rho = None if coarse is None else statistics.pair_statistics(coarse)["rho"]
+        for i, name in enumerate(names):
+            k = pairs.index((i, i))
+            columns[name] = s["mean"][:, k]
+            columns[f"se_{name}"] = s["se_mean"][:, k]
+        for k, (i, j) in enumerate(pairs):
+            columns[f"cov_{names[i]}_{names[j]}"] = s["cov"][:, k]
+            columns[f"se_cov_{names[i]}_{names[j]}"] = s["se_cov"][:, k]
+        for wheel in range(1, wheels + 1):
+            k = pairs.index((2 * wheel - 2, 2 * wheel - 1))
+            columns[f"rho{wheel}"] = s["rho"][:, k]
+            columns[f"se_rho{wheel}"] = s["se_rho"][:, k]
+            columns[f"se_z_rho{wheel}"] = s["se_z"][:, k]
+            if coarse_rho is not None:
+                columns[f"coarse_rho{wheel}"] = coarse_rho[:, wheel - 1]
         return pd.DataFrame(columns, index=pd.Index(self.fixed_times, name="time"))
 
     @cached_property
@@ -543,7 +553,7 @@ class Ensemble(SectionResult):
             {"impact": np.arange(1, self.impacts + 1), "quantity": quantity, "moment": moment}
             | self._bias_of(prefix + quantity, moment, i)
             for moment, prefix in (("mean", ""), ("sd", "sd_"))
-            for i, quantity in enumerate(SECTION[: 2 + 2 * self.scene.stages])
+            for i, quantity in enumerate(section_names(self.scene.stages))
         ]
         return pd.concat([pd.DataFrame(row) for row in rows], ignore_index=True)
 

@@ -110,10 +110,11 @@ def _gather(
 ) -> Ensemble:
     """Merge the results of blocks of paths, in order, with those of a run that was begun."""
     started = time.perf_counter()
+    quantities = 2 + 2 * plan.scene.stages
     done = 0 if begun is None else begun.plan.blocks
     merged = begun.result if begun is not None and done else None
     batched = (
-        (deepcopy(begun.batches) if begun else Batches.empty(plan.impacts))
+        (deepcopy(begun.batches) if begun else Batches.empty(plan.impacts, quantities))
         if record.batches
         else None
     )
@@ -127,8 +128,8 @@ def _gather(
             if batched is not None:
                 batched.add(done, result.sums)
             if record.histogram and rows is not None:
-                histograms = histograms or Histograms.for_sample(rows[:, :, :6])
-                histograms.add(rows[:, :, :6])
+                histograms = histograms or Histograms.for_sample(rows[:, :, :-1])
+                histograms.add(rows[:, :, :-1])
             if record.raw and rows is not None:
                 kept.append(rows)
             bar.update(min(BLOCK, plan.paths - done * BLOCK))

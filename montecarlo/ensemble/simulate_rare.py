@@ -31,7 +31,7 @@ def begin_rare(
         return None
     seed = child_seed(run.seed, RARE_KEY)
     plan = run.plan._replace(mixture=mixture, seed=seed, control=no_control(), keep=False, paths=0)
-    batches = None if run.batches is None else Batches.empty(run.impacts)
+    batches = None if run.batches is None else Batches.empty(run.impacts, 2 + 2 * run.scene.stages)
     return extend_rare(replace(run, plan=plan, paths=0, batches=batches), paths, blocks, progress)
 
 

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rattle.montecarlo.kernel.kernel import COLUMNS, Job, Output, block_kernel
+from rattle.montecarlo.kernel.kernel import Job, Output, block_kernel, columns_recorded
 from rattle.montecarlo.kernel.mixture import BranchMixture, draw_targets, no_mixture
 from rattle.montecarlo.noise.backlash import backlash_of, draw_walls
 from rattle.montecarlo.noise.memory import begin_memory, memory_of
@@ -20,25 +20,38 @@ from rattle.montecarlo.schemes.step_size import SCHEMES
 from rattle.montecarlo.statistics.central_sums import VARIANCE, CentralSums, columns_of
 from rattle.montecarlo.statistics.section_statistics import PAIR, Orders
 from rattle.montecarlo.statistics.weighted_sums import WeightedSums
-from rattle.scene import SECTION, Constants, Floats, Ints, Scene
+from rattle.scene import Constants, Floats, Ints, Scene
 from rattle.scene.compiled import lean
-from rattle.scene.impact import energy_loss, struck
+from rattle.scene.impact import energy_loss, strike
 
 BLOCK = 1024
 """Paths of a block: small enough for the caches, large enough that few lanes idle while the last
 paths finish."""
 
-CARRIED = 5
-"""Components of the linearised path."""
+UNROLLED = 2
+"""Wheels for which loops over wheels are unrolled: impacts of exact flights take a fifth less time
+so; of one wheel nothing is gained."""
 
-PAIRS = tuple((i, j) for i in range(5) for j in range(i))
-"""Pairs among tau, x1, y1, x2, y2 whose covariance is kept."""
 
-SECTION_OF = (0, 2, 3, 4, 5)
-"""Their indices in `SECTION`."""
+def kept_places(wheels: int) -> tuple[int, ...]:
+    """Places among the section quantities of those whose covariance is kept: all but the flight."""
+    return (0, *range(2, 2 + 2 * wheels))
 
-SECTION_PAIRS = tuple((SECTION_OF[i], SECTION_OF[j]) for i, j in PAIRS)
-"""The pairs by indices in `SECTION`."""
+
+def section_pairs(wheels: int) -> tuple[tuple[int, int], ...]:
+    """Pairs of section quantities whose covariance is kept."""
+    places = kept_places(wheels)
+    return tuple((places[i], places[j]) for i in range(len(places)) for j in range(i))
+
+
+def state_pairs(wheels: int) -> tuple[tuple[int, int], ...]:
+    """Pairs of states whose covariance at fixed times is kept."""
+    return tuple((i, j) for i in range(2 * wheels) for j in range(i, 2 * wheels))
+
+
+def impact_codes(wheels: int) -> tuple[int, ...]:
+    """``mesh * side`` of the impacts."""
+    return tuple(side * mesh for mesh in range(1, wheels + 1) for side in (1, -1))
 
 
 class Plan(NamedTuple):
@@ -73,8 +86,8 @@ class Plan(NamedTuple):
 class Raw(NamedTuple):
     """Output of the kernel for a block."""
 
-    rows: Floats  # impacts; NaN where a path did not reach one; (levels, paths, impacts, COLUMNS)
-    fixed: Floats  # states at fixed times; (levels, paths, times, 4)
+    rows: Floats  # impacts; NaN where a path did not reach one; (levels, paths, impacts, columns)
+    fixed: Floats  # states at fixed times; (levels, paths, times, 2 wheels)
     # section quantities of the linearised path, or weights and noise of a mixture, see `Output`; no
     # paths where there are neither
     controls: Floats
@@ -86,17 +99,18 @@ class Raw(NamedTuple):
 def start_state(scene: Scene, walls: Floats) -> Floats:
     """Initial states, after the impact at the start if there is one.
 
-    `scene`: Its start; a coordinate on a flank is put on each path's own flank. Shapes: `walls` (4,
-    paths); result (4, paths).
+    `scene`: Its start; a coordinate on a flank is put on each path's own flank. Shapes: `walls`,
+    result (2 wheels, paths).
     """
-    s = scene.start
-    state = np.empty((4, walls.shape[1]))
-    for i, (x, gap) in enumerate(((s.x1, scene.gap1), (s.x2, scene.gap2))):
-        state[2 * i] = x if abs(x) != gap else (walls[2 * i] if x > 0.0 else -walls[2 * i + 1])
-    state[1] = s.y1
-    state[3] = s.y2
-    if s.mesh:
-        state[1], state[3] = struck(scene.constants, s.mesh, s.y1, s.y2)
+    rates = np.array(scene.start.values[: 2 * scene.stages])
+    if scene.start.mesh:
+        strike(scene.constants, scene.start.mesh, rates)
+    state = np.empty_like(walls)
+    for i, wheel in enumerate(scene.tree):
+        x = scene.start.values[2 * i]
+        on_flank = walls[2 * i] if x > 0.0 else -walls[2 * i + 1]
+        state[2 * i] = on_flank if abs(x) == wheel.gap else x
+        state[2 * i + 1] = rates[2 * i + 1]
     return state
 
 
@@ -122,7 +136,7 @@ def begin_block(plan: Plan, first: int, paths: int) -> tuple[Job, Lanes, Room]:
     c = scene.constants
     key = key_of(plan.seed)
     backlash = backlash_of(scene)
-    walls = np.repeat([[c.wall1], [c.wall1], [c.wall2], [c.wall2]], paths, axis=1)
+    walls = np.repeat(np.repeat(c.wheels["wall"], 2)[:, None], paths, axis=1)
     if backlash.random:
         draw_walls(backlash, key, first, walls)
     if plan.mirrored:
@@ -138,7 +152,8 @@ def begin_block(plan: Plan, first: int, paths: int) -> tuple[Job, Lanes, Room]:
         mixture,
         memory_of(scene.correlation_time, plan.dt),
     )
-    carried = max(CARRIED, 2 + len(mixture.unit))
+    linear = 2 * (2 * scene.stages + 1)  # of the linearised path and its next step
+    carried = max(linear, 2 + len(mixture.unit))
     every, room = lanes_of(
         plan.levels, first, start_state(scene, walls), walls, scene.phase, carried
     )
@@ -157,15 +172,16 @@ def sample(plan: Plan, block: int, reuse: bool = False) -> Raw:
     first = block * BLOCK
     paths = BLOCK if mixture is not None else min(BLOCK, plan.paths - first)
     job, every, room = begin_block(plan, first, paths)
-    beside = (paths if plan.control.at_step.size else 0, plan.impacts, COLUMNS)
+    columns = columns_recorded(plan.scene.stages)
+    beside = (paths if plan.control.at_step.size else 0, plan.impacts, columns)
     if mixture is not None:
         room.carried[:2, :paths] = draw_targets(mixture, plan.seed, block)
         beside = (paths, plan.impacts, 1 + len(mixture.unit))
-    rows = _array("rows", (plan.levels, paths, plan.impacts, COLUMNS), np.nan, reuse)
-    fixed = _array("fixed", (plan.levels, paths, plan.fixed_steps.size, 4), np.nan, reuse)
+    rows = _array("rows", (plan.levels, paths, plan.impacts, columns), np.nan, reuse)
+    fixed = _array("fixed", (plan.levels, paths, plan.fixed_steps.size, columns - 3), np.nan, reuse)
     controls = _array("controls", beside, 0.0, reuse)
     out = Output(first, rows, plan.fixed_steps, fixed, controls)
-    kernel = block_kernel(SCHEMES[plan.scheme])
+    kernel = block_kernel(SCHEMES[plan.scheme], UNROLLED if plan.scene.stages == UNROLLED else 0)
     work, sticking = kernel(job, plan.scene.phase, plan.most_steps, every, room, out)
     unfinished = np.isnan(rows[0, :, -1, 0]).sum()
     return Raw(rows, fixed, controls, int(work), int(sticking), int(unfinished))
@@ -176,8 +192,9 @@ class Followers:
     """Sums over the paths that have followed an itinerary so far, and how the others left it."""
 
     sums: dict[str, Any]  # as in `BlockResult`, of these paths alone
-    # weight of the paths that left at an impact by each of `CODES` (in plain runs their number),
-    # sum of its squares, and the largest weight of one; (3, impacts, CODES)
+    # weight of the paths that left at an impact by each of `impact_codes` (in plain runs their
+    # number),
+    # sum of its squares, and the largest weight of one; (3, impacts, codes)
     left: Floats
 
     def merge(self, other: "Followers") -> "Followers":
@@ -191,14 +208,14 @@ class Followers:
 class BlockResult:
     """A block reduced to mergeable sums and counts."""
 
-    # ``section`` over (impact, quantity); ``section_pairs`` over (impact, pair of `PAIRS`);
-    # ``fixed`` over (time, pair of `CROSS`).  With step bias also ``fine_coarse`` and
+    # ``section`` over (impact, quantity); ``section_pairs`` over (impact, pair);
+    # ``fixed`` over (time, pair of `state_pairs`).  With step bias also ``fine_coarse`` and
     # ``coarse_coarser`` over (impact, quantity), the same quantity at two step sizes, and
-    # ``coarse_fixed`` over (time, stage), displacement with velocity at 2 dt.  With a control
+    # ``coarse_fixed`` over (time, gap), displacement with velocity at 2 dt.  With a control
     # variate ``control`` over (impact, quantity), the quantity with that of the linearised path.
     # If asked for, ``energy`` over (impact, 1), the energy loss.  Of a mixture ``weighted`` alone
     sums: dict[str, Any]
-    codes: Floats  # counts of mesh and side of each impact; (impacts, CODES)
+    codes: Floats  # counts of mesh and side of each impact; (impacts, codes)
     # number of paths that have followed each itinerary up to each impact; (impacts,)
     agreeing: dict[str, Floats]
     path_steps: int  # as in `Raw`, also the next two
@@ -219,13 +236,6 @@ class BlockResult:
         )
 
 
-CODES = (1, -1, 2, -2)
-"""``mesh * side`` of an impact."""
-
-CROSS = tuple((i, j) for i in range(4) for j in range(i, 4))
-"""Pairs of states whose covariance at fixed times is kept."""
-
-
 def _pairs(
     groups: int,
     values: Floats,
@@ -244,16 +254,17 @@ def _pairs(
 
 JOINT = ("section", "section_pairs", "fine_coarse", "coarse_coarser")
 """Names of the sums over the section quantities."""
-OWN = [(i, i) for i in range(len(SECTION))]
 
 
-def _section_sums(impacts: int, levels: list[Floats]) -> dict[str, Any]:
-    """Sums over the section quantities, shape (impacts * COLUMNS, paths) at each step size."""
-    found = list(CentralSums.of_groups(levels[0], impacts, len(SECTION), SECTION_PAIRS))
+def _section_sums(wheels: int, impacts: int, levels: list[Floats]) -> dict[str, Any]:
+    """Sums over the section quantities, shape (impacts * columns, paths) at each step size."""
+    quantities = 2 + 2 * wheels
+    own = [(i, i) for i in range(quantities)]
+    sums = list(CentralSums.of_groups(levels[0], impacts, quantities, section_pairs(wheels)))
     if len(levels) > 1:
-        found.append(_pairs(impacts, levels[0], OWN, PAIR, levels[1]))
-        found.append(_pairs(impacts, levels[1], OWN, ((0, 2),), levels[2]))
-    return dict(zip(JOINT, found, strict=False))
+        sums.append(_pairs(impacts, levels[0], own, PAIR, levels[1]))
+        sums.append(_pairs(impacts, levels[1], own, ((0, 2),), levels[2]))
+    return dict(zip(JOINT, sums, strict=False))
 
 
 def _plain_sums(plan: Plan, raw: Raw, rows: list[Floats]) -> dict[str, Any]:
@@ -261,18 +272,21 @@ def _plain_sums(plan: Plan, raw: Raw, rows: list[Floats]) -> dict[str, Any]:
 
     Shapes: `rows` (impacts * COLUMNS, paths) at each step size.
     """
+    wheels = plan.scene.stages
     section = partial(_pairs, plan.impacts)
-    sums = _section_sums(plan.impacts, rows)
+    sums = _section_sums(wheels, plan.impacts, rows)
     if plan.energy:
         losses = energy_losses(plan.scene.constants, raw.rows[0])
         sums["energy"] = section(columns_of(losses), [(0, 0)], VARIANCE)
     if plan.control.at_step.size:
-        sums["control"] = section(rows[0], OWN, PAIR, columns_of(raw.controls))
+        own = [(i, i) for i in range(2 + 2 * wheels)]
+        sums["control"] = section(rows[0], own, PAIR, columns_of(raw.controls))
     if plan.fixed_steps.size:
         times = partial(_pairs, plan.fixed_steps.size)
-        sums["fixed"] = times(columns_of(raw.fixed[0]), CROSS, PAIR)
+        sums["fixed"] = times(columns_of(raw.fixed[0]), state_pairs(wheels), PAIR)
         if plan.levels > 1:
-            sums["coarse_fixed"] = times(columns_of(raw.fixed[1]), ((0, 1), (2, 3)), PAIR)
+            gaps = [(2 * i, 2 * i + 1) for i in range(wheels)]
+            sums["coarse_fixed"] = times(columns_of(raw.fixed[1]), gaps, PAIR)
     return sums
 
 
@@ -280,12 +294,13 @@ def _weighted_sums(
     plan: Plan, mixture: BranchMixture, rows: Floats, weights: Floats
 ) -> WeightedSums:
     """Sums over the paths of a block that is drawn from a mixture, with given weights."""
-    values = rows[:, :, :6]
+    wheels = plan.scene.stages
+    values = rows[:, :, : 2 + 2 * wheels]
     centre = mixture.centre
     if plan.energy:
         values = np.concatenate([values, energy_losses(plan.scene.constants, rows)], axis=2)
         centre = np.column_stack([centre, np.zeros(plan.impacts)])
-    return WeightedSums.of_parts(values, weights, centre, mixture.counts, SECTION_PAIRS)
+    return WeightedSums.of_parts(values, weights, centre, mixture.counts, section_pairs(wheels))
 
 
 def sample_mixture(
@@ -296,7 +311,7 @@ def sample_mixture(
     Returns: Impacts; weights, that is the likelihood ratio of the plain distribution to the mixture
     given the steps up to each impact, 0 of those that a path did not have; the noise up to each
     impact along each unit vector; and the output that these are of. Shapes: result (BLOCK, impacts,
-    COLUMNS), (BLOCK, impacts), (BLOCK, impacts, branches).
+    columns), (BLOCK, impacts), (BLOCK, impacts, branches).
     """
     raw = sample(plan._replace(mixture=mixture), block)
     weights = np.ascontiguousarray(raw.controls[:, :, 0])
@@ -306,7 +321,7 @@ def sample_mixture(
 def run(plan: Plan, block: int) -> tuple[BlockResult, Floats | None]:
     """Run a block and reduce it.
 
-    Shapes: `rows` (paths, impacts, COLUMNS), or None.
+    Shapes: `rows` (paths, impacts, columns), or None.
     """
     mixture = plan.mixture
     followers = {}
@@ -317,12 +332,11 @@ def run(plan: Plan, block: int) -> tuple[BlockResult, Floats | None]:
         sums = _plain_sums(plan, raw, columns)
     else:
         rows, weights, _, raw = sample_mixture(plan, mixture, block)
-        if plan.scene.stages == 1:
-            rows[:, :, 4:6] = 0.0  # a single stage leaves these columns undefined
         sums = {"weighted": _weighted_sums(plan, mixture, rows, weights)}
     first = raw.rows[0]
-    codes = np.zeros((plan.impacts, len(CODES)))
-    _count_codes(first, weights, codes)
+    of_codes = np.array(impact_codes(plan.scene.stages))
+    codes = np.zeros((plan.impacts, of_codes.size))
+    _count_codes(first, weights, of_codes, codes)
     agreeing = {}
     for name, itinerary in plan.itineraries.items():
         agreeing[name], stays, left = follow_itinerary(first, weights, itinerary)
@@ -336,12 +350,10 @@ def run(plan: Plan, block: int) -> tuple[BlockResult, Floats | None]:
         followers[name] = Followers(apart, left)
     if mixture is not None:
         # in paths: their weights add up to the number of paths only on average
-        scale = np.isfinite(first[:, :, 6]).sum(axis=0) / np.maximum(codes.sum(axis=1), 1e-300)
+        scale = np.isfinite(first[:, :, -1]).sum(axis=0) / np.maximum(codes.sum(axis=1), 1e-300)
         codes = codes * scale[:, None]
         agreeing = {name: count * scale for name, count in agreeing.items()}
     kept_rows = first.copy() if plan.keep else None
-    if kept_rows is not None and plan.scene.stages == 1:
-        kept_rows[:, :, 4:6] = np.nan  # a single stage leaves these columns undefined
     counts = raw.path_steps, raw.sticking_steps, raw.unfinished
     return BlockResult(sums, codes, agreeing, *counts, followers), kept_rows
 
@@ -365,29 +377,33 @@ def _follower_sums(
         cells = cells.copy().reshape(plan.impacts, -1, cells.shape[1])
         cells[:, :, : stay.size].swapaxes(1, 2)[np.arange(plan.impacts)[:, None] >= stay] = np.nan
         kept.append(cells.reshape(-1, cells.shape[2]))
-    return _section_sums(plan.impacts, kept)
+    return _section_sums(plan.scene.stages, plan.impacts, kept)
 
 
 def energy_losses(c: Constants, rows: Floats) -> Floats:
     """Energy loss of each impact of each path, shape (paths, impacts, 1); NaN where there was
     none."""
-    y1 = rows[..., 3:4]
-    y2 = rows[..., 5:6]
-    first = np.abs(rows[..., 6:]) == 1.0
-    return np.where(first, energy_loss(c, 1, y1, y2), energy_loss(c, 2, y1, y2))
+    losses = np.full((*rows.shape[:2], 1), np.nan)
+    for mesh in range(1, c.wheels.size + 1):
+        here = np.abs(rows[..., -1:]) == mesh
+        loss = energy_loss(c, mesh, rows[..., 2 * mesh + 1 : 2 * mesh + 2])
+        losses = np.where(here, loss, losses)
+    return losses
 
 
 @lean
-def _count_codes(rows: Floats, weights: Floats, codes: Floats) -> None:
-    """Add the weight of each of `CODES` at each impact.
+def _count_codes(rows: Floats, weights: Floats, of_codes: Ints, codes: Floats) -> None:
+    """Add the weight of each of `impact_codes` at each impact.
 
-    Shapes: `rows` (paths, impacts, COLUMNS); `weights` (paths, impacts); `codes` (impacts, CODES).
+    Shapes: `rows` (paths, impacts, columns); `weights` (paths, impacts); `of_codes` (codes,);
+    `codes` (impacts, codes).
     """
     paths, impacts = weights.shape
+    last = rows.shape[2] - 1
     for p in range(paths):
         for k in range(impacts):
-            for i, code in enumerate(CODES):
-                codes[k, i] += weights[p, k] * (rows[p, k, 6] == code)
+            for i in range(of_codes.size):
+                codes[k, i] += weights[p, k] * (rows[p, k, last] == of_codes[i])
 
 
 def follow_itinerary(
@@ -396,33 +412,42 @@ def follow_itinerary(
     """The weight that has followed an itinerary up to each impact, up to which impact each path
     has, and what its next impact was: `Followers.left`, added to that of other paths if given.
 
-    Shapes: `rows` (paths, impacts, COLUMNS); `weights` (paths, impacts); result (impacts,),
-    (paths,), (3, impacts, CODES).
+    Shapes: `rows` (paths, impacts, columns); `weights` (paths, impacts); result (impacts,),
+    (paths,), (3, impacts, codes).
     """
     paths, impacts = weights.shape
     agreeing = np.zeros(impacts)
     stays = np.zeros(paths)
-    left = np.zeros((3, impacts, len(CODES))) if left is None else left
-    _follow(rows, weights, np.array(itinerary, dtype=float), agreeing, stays, left)
+    of_codes = np.array(impact_codes((rows.shape[2] - 3) // 2))
+    left = np.zeros((3, impacts, of_codes.size)) if left is None else left
+    followed = np.array(itinerary, dtype=float)
+    _follow(rows, weights, followed, of_codes, agreeing, stays, left)
     return agreeing, stays, left
 
 
 @lean
 def _follow(
-    rows: Floats, weights: Floats, itinerary: Floats, agreeing: Floats, stays: Floats, left: Floats
+    rows: Floats,
+    weights: Floats,
+    itinerary: Floats,
+    of_codes: Ints,
+    agreeing: Floats,
+    stays: Floats,
+    left: Floats,
 ) -> None:
     """Add the paths of a block to `agreeing`, `stays` and `left`, see `follow_itinerary`."""
     paths, impacts = rows.shape[:2]
+    last = rows.shape[2] - 1
     for p in range(paths):
         k = 0
-        while k < impacts and rows[p, k, 6] == itinerary[k]:
+        while k < impacts and rows[p, k, last] == itinerary[k]:
             agreeing[k] += weights[p, k]
             k += 1
         stays[p] = k
         if k < impacts and itinerary[k] != 0.0:
             w = weights[p, k]
-            for i, code in enumerate(CODES):
-                if rows[p, k, 6] == code:
+            for i in range(of_codes.size):
+                if rows[p, k, last] == of_codes[i]:
                     left[0, k, i] += w
                     left[1, k, i] += w * w
                     left[2, k, i] = max(left[2, k, i], w)

@@ -19,23 +19,27 @@ from rattle.montecarlo.schemes.lanes import Lanes, Room
 from rattle.montecarlo.schemes.scheme import Scheme
 from rattle.montecarlo.schemes.short_flight import Phase
 from rattle.montecarlo.schemes.step_state import (
+    LEFT,
     MOST_IN_A_STEP,
     Inside,
     Progress,
     Quiet,
-    State,
-    Walls,
+    Scratch,
 )
-from rattle.montecarlo.schemes.sticking import add_closed, hold_only, sides_of
+from rattle.montecarlo.schemes.sticking import add_closed, close_only, put_all
 from rattle.scene import Constants, Floats, Ints
 from rattle.scene.compiled import lean, splice, widest_vectors
-from rattle.scene.impact import struck
+from rattle.scene.impact import strike
 
-COLUMNS = 7  # recorded of an impact: tau, flight, x1, y1, x2, y2, mesh * side
 ENDLESS = 2**62  # impacts of a path that is followed beyond those that are recorded
-ZERO, FIRST, SECOND = cast(tuple[int, int, int], (np.int64(0), np.int64(1), np.int64(2)))
-"""Integers of a non-literal type: numba compiles a function again for every literal argument."""
-FLANK_DRAWS = Word(4)  # half gaps drawn at the start; the draws of the impacts follow
+ZERO = cast(int, np.int64(0))
+"""Of a non-literal type: numba compiles a function again for every literal argument."""
+FLANK_DRAWS = 4  # half gaps drawn at the start, of two wheels; the draws of the impacts follow
+
+
+def columns_recorded(wheels: int) -> int:
+    """Numbers that are recorded of an impact: tau, flight, the state, ``mesh * side``."""
+    return 3 + 2 * wheels
 
 
 class Job(NamedTuple):
@@ -56,11 +60,11 @@ class Output(NamedTuple):
     """What a kernel writes for a block of paths; what is not reached stays as given."""
 
     first: int  # number of the first path
-    rows: Floats  # the state just before each impact; (levels, paths, impacts, COLUMNS)
+    rows: Floats  # the state just before each impact; (levels, paths, impacts, columns)
     # finest steps, multiples of the coarsest, after which states are recorded; ascending
     fixed_steps: Ints
-    fixed: Floats  # those states; (levels, paths, times, 4)
-    # section quantities of the linearised path, (paths, impacts, COLUMNS); or of a mixture the
+    fixed: Floats  # those states; (levels, paths, times, 2 wheels)
+    # section quantities of the linearised path, (paths, impacts, columns); or of a mixture the
     # weight of each impact, given the steps up to its own, and the noise up to there along each
     # unit vector, (paths, impacts, 1 + branches)
     controls: Floats
@@ -73,38 +77,31 @@ def record(
     p: int,
     code: int,
     tau: float,
-    state: State,
     lanes: Lanes,
     room: Room,
+    scratch: Scratch,
     out: Output,
 ) -> None:
     """Record an impact of the path in lane p, and redraw the flank if impacts do."""
     k = lanes.impacts[p]
     path = room.path[p]
+    states = 2 * scratch.wheels
     # after the sum of a step's pieces its end may be a rounding error late
     tau = max(tau, lanes.last[p])
     if k < out.rows.shape[2]:
-        seen = (tau, tau - lanes.last[p], state[0], state[1], state[2], state[3], float(code))
-        for i in range(COLUMNS):
-            out.rows[level, int(path) - out.first, k, i] = seen[i]
+        row = out.rows[level, int(path) - out.first, k]
+        row[0] = tau
+        row[1] = tau - lanes.last[p]
+        for i in range(states):
+            row[2 + i] = scratch.state[i]
+        row[2 + states] = float(code)
     lanes.last[p] = tau
     lanes.impacts[p] = k + 1
     if job.backlash.redrawn:
         mesh = abs(code)
         opposite = 2 * mesh - 1 if code > 0 else 2 * mesh - 2
-        lanes.walls[opposite, p] = half_gap(
-            job.backlash, job.key, path, Word(k) + FLANK_DRAWS, mesh
-        )
-
-
-@splice
-def rebound(c: Constants, mesh: float, y1: float, y2: float) -> tuple[float, float]:
-    """Velocities after an impact.  Without a branch on the mesh, which cannot be predicted."""
-    a1, a2 = struck(c, FIRST, y1, y2)
-    b1, b2 = struck(c, SECOND, y1, y2)
-    y1 = a1 if mesh == 1 else (b1 if mesh == 2 else y1)
-    y2 = a2 if mesh == 1 else (b2 if mesh == 2 else y2)
-    return y1, y2
+        draws = Word(max(FLANK_DRAWS, states))
+        lanes.walls[opposite, p] = half_gap(job.backlash, job.key, path, Word(k) + draws, mesh)
 
 
 @splice
@@ -112,6 +109,7 @@ def finish_inside(
     advance: Any,
     find_sticking: Any,
     stick_to_end: Any,
+    has_area: bool,
     job: Job,
     step: int,
     level: int,
@@ -120,6 +118,7 @@ def finish_inside(
     phase: Phase,
     lanes: Lanes,
     room: Room,
+    scratch: Scratch,
     out: Output,
     enough: int,
 ) -> bool:
@@ -127,43 +126,47 @@ def finish_inside(
     stay closed.
 
     `advance`, `find_sticking`, `stick_to_end`: Of the scheme. `enough`: Impacts after which it is
-    not followed any further.
+    not followed any further.  Its state is that of ``room.scratch``.
     """
     sticking = False
-    state = lanes.state
-    whole = state[0, p], state[1, p], state[2, p], state[3, p]
+    states = 2 * scratch.wheels
+    if has_area:
+        for i in range(states):
+            scratch.whole[i] = lanes.state[i, p]
     known = True
-    forced = (ZERO, ZERO)
-    for met in range(MOST_IN_A_STEP + 2):
+    forced = 0
+    # meshes of several wheels chatter side by side; one or two in a row share their impacts
+    most = MOST_IN_A_STEP * (scratch.wheels if scratch.wheels > 2 else 1)
+    for met in range(most + 2):
         if at.left <= 0.0 or lanes.impacts[p] >= enough:
             break
-        walls = Walls(lanes.walls[0, p], lanes.walls[1, p], lanes.walls[2, p], lanes.walls[3, p])
-        hold = find_sticking(job.c, at, walls, job.quiet)
-        if met > MOST_IN_A_STEP:
-            hold = hold_only(forced)
-        inside = Inside(job.c, job.key, room.path[p], step, level, whole, known, hold, room.ahead)
+        for i in range(states):
+            scratch.walls[i] = lanes.walls[i, p]
+        closed, above = find_sticking(job.c, at, scratch, job.quiet)
+        if met > most:
+            close_only(forced, scratch)
+            closed = True
+            above = 0.0
+        inside = Inside(job.c, job.key, room.path[p], step, level, known, closed, scratch)
         left = at.left
-        at, phase = advance(inside, met, at, phase, walls)
+        at, phase = advance(inside, met, at, phase)
         known = False
-        if hold.first != 0 or hold.second != 0:
-            add_closed(room.closed, p, hold, left - at.left)
+        if closed:
+            add_closed(room.closed, p, scratch, left - at.left, above)
             sticking = True
-        if at.code != 0 and met == MOST_IN_A_STEP:
-            forced = sides_of(at.code)
-            at = Progress(0, at.tau, at.left, at.noise, at.state)
-        elif at.code != 0 and met > MOST_IN_A_STEP:
-            at = stick_to_end(job.c, at, sides_of(at.code), walls)
+        if at.code != 0 and met == most:
+            forced = at.code
+            at = Progress(0, at.tau, at.left, at.noise)
+        elif at.code != 0 and met > most:
+            close_only(at.code, scratch)
+            at = stick_to_end(job.c, at, scratch)
             sticking = True
         elif at.code != 0:
-            record(job, level, p, at.code, at.tau, at.state, lanes, room, out)
-            x1, y1, x2, y2 = at.state
-            y1, y2 = rebound(job.c, abs(at.code), y1, y2)
-            at = Progress(0, at.tau, at.left, at.noise, (x1, y1, x2, y2))
-    x1, y1, x2, y2 = at.state
-    state[0, p] = x1
-    state[1, p] = y1
-    state[2, p] = x2
-    state[3, p] = y2
+            record(job, level, p, at.code, at.tau, lanes, room, scratch, out)
+            strike(job.c, abs(at.code), scratch.state)
+            at = Progress(0, at.tau, at.left, at.noise)
+    for i in range(states):
+        lanes.state[i, p] = scratch.state[i]
     return sticking
 
 
@@ -225,6 +228,7 @@ def finish_marked(
     phase: Phase,
     lanes: Lanes,
     room: Room,
+    scratch: Scratch,
     out: Output,
     enough: int,
     live: int,
@@ -239,12 +243,15 @@ def finish_marked(
     for i in range(vector.list_marked(room.marks, live, room.groups, room.hits)):
         p = room.hits[i]
         noise = Noise(lanes.w[p] * math.sqrt(h), lanes.area[p] * math.sqrt(h / 12.0))
-        at = Progress(0, now, h, noise, (s[0, p], s[1, p], s[2, p], s[3, p]))
+        at = Progress(0, now, h, noise)
+        for j in range(2 * scratch.wheels):
+            scratch.state[j] = s[j, p]
         met = lanes.impacts[p]
         sticking += finish_inside(
             advance,
             find_sticking,
             stick_to_end,
+            has_area,
             job,
             n - multiple,
             level,
@@ -253,6 +260,7 @@ def finish_marked(
             phase,
             lanes,
             room,
+            scratch,
             out,
             enough,
         )
@@ -267,12 +275,12 @@ def record_states(every: Lanes, room: Room, out: Output, k: int, live: int) -> N
     """Record the states of all paths at a fixed time."""
     for level in range(out.fixed.shape[0]):
         for p in range(live):
-            for i in range(4):
+            for i in range(out.fixed.shape[3]):
                 out.fixed[level, int(room.path[p]) - out.first, k, i] = every.state[level, i, p]
 
 
 @cache
-def block_kernel(scheme: Scheme) -> Callable[..., tuple[int, int]]:
+def block_kernel(scheme: Scheme, wheels: int = 0) -> Callable[..., tuple[int, int]]:
     """Kernel that follows a block of paths by one scheme; code of other schemes is not compiled in.
 
     It follows paths from tau on until they have had their impacts, or so many finest steps, at step
@@ -293,6 +301,25 @@ def block_kernel(scheme: Scheme) -> Callable[..., tuple[int, int]]:
     ) -> tuple[int, int]:
         widest_vectors()
         levels, live, impacts, _ = out.rows.shape
+        buffers = room.scratch
+        scratch = Scratch(
+            wheels if wheels > 0 else buffers.wheels,
+            buffers.state,
+            buffers.whole,
+            buffers.end,
+            buffers.walls,
+            buffers.series,
+            buffers.ahead,
+            buffers.sides,
+            buffers.unfollowed,
+            buffers.forcing,
+            buffers.speeds,
+            buffers.bodies,
+            buffers.choices,
+            buffers.wheels_beside,
+            buffers.beside,
+        )
+        put_all(scratch.choices[LEFT], 0)  # the constants may be others than before
         times = out.fixed_steps.size
         work = sticking = recorded = linear = n = ZERO
         while n < most_steps and live > 0:
@@ -317,7 +344,16 @@ def block_kernel(scheme: Scheme) -> Callable[..., tuple[int, int]]:
                     lanes = vector.of_level(every, level, w, area)
                     h = job.dt * multiple
                     begin = tau + (n - multiple) * job.dt
-                    step_lanes(job.c, begin, h, job.backlash.random, lanes, room.marks, wide)
+                    step_lanes(
+                        job.c,
+                        begin,
+                        h,
+                        job.backlash.random,
+                        lanes,
+                        scratch,
+                        room.marks,
+                        wide,
+                    )
                     sticking += finish_marked(
                         advance,
                         find_sticking,
@@ -331,6 +367,7 @@ def block_kernel(scheme: Scheme) -> Callable[..., tuple[int, int]]:
                         phase_at(job.c.drive, begin),
                         lanes,
                         room,
+                        scratch,
                         out,
                         enough,
                         live,

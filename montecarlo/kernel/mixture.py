@@ -38,7 +38,8 @@ class BranchMixture(NamedTuple):
     # paths of each part in a block: those of the first branch, by threshold, come first and the
     # plain ones last
     counts: Ints
-    centre: Floats  # about which the moments of the section quantities are summed; (impacts, 6)
+    centre: Floats  # about which the moments of the section quantities are summed; (impacts,
+    # quantities)
 
     def boost(self, shift: Floats) -> float:
         """How many times as often as by plain paths a point of the noise is drawn."""

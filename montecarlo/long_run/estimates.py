@@ -19,21 +19,23 @@ from rattle.montecarlo.long_run.noise_work import CONTROLS
 from rattle.montecarlo.long_run.sums import Collected
 from rattle.montecarlo.statistics.intervals import Spread, half_width, spread
 from rattle.montecarlo.statistics.section_statistics import variance_of
-from rattle.scene import Floats
+from rattle.scene import Floats, InputError
+from rattle.scene.errors import LONGEST_QUOTE, nearest
 
 QUANTILES = (1, 5, 50, 95, 99)
 """Percentages of the quantiles."""
 LEAST_PATHS = 8 * CONTROLS
 """Paths below which the coefficients of the control variates would cost more than they save."""
-NAMES = {tally.ABOVE: "speed_above", tally.FLIGHT: "flight", tally.SPEED: "speed"}
+NAMES = {tally.ABOVE: "speed_above", tally.FLIGHT: "flight", tally.OF_SPEED: "speed"}
 """Of what has a distribution, by its index there: the speed of impacts that are not slow, flight,
 and speed."""
 
 
-def groups(stages: int) -> Iterator[tuple[int, str]]:
-    """The groups of impacts of a scene with the suffixes of their names."""
+def groups(wheels: int) -> Iterator[tuple[int, str]]:
+    """The groups of impacts of a scene with the suffixes of their names: all, and those at each
+    mesh where there are several."""
     yield 0, ""
-    for mesh in range(1, tally.MESH_GROUPS if stages == 2 else 1):
+    for mesh in range(1, wheels + 1 if wheels > 1 else 1):
         yield mesh, f"_mesh{mesh}"
 
 
@@ -53,13 +55,24 @@ GROUP_NAMES = (
 """Names of the quantities of a group, in the order of a table."""
 
 
-def all_names(stages: int) -> tuple[str, ...]:
+def all_names(wheels: int) -> tuple[str, ...]:
     """Names of all quantities, in the order of a table."""
-    meshes = range(1, stages + 1)
+    meshes = range(1, wheels + 1)
     return (
-        *(name + suffix for _, suffix in groups(stages) for name in GROUP_NAMES),
+        *(name + suffix for _, suffix in groups(wheels) for name in GROUP_NAMES),
         *(f"{name}_share_mesh{mesh}" for name in ("contact", "open") for mesh in meshes),
     )
+
+
+def check_quantity(field: str, name: object, wheels: int) -> str:
+    """Check for the name of a quantity; what is unlike any is told those of all impacts."""
+    known = all_names(wheels)
+    if isinstance(name, str) and name in known:
+        return name
+    remedy = nearest(str(name), known)
+    if len(remedy) > LONGEST_QUOTE:
+        remedy = f"{nearest('', GROUP_NAMES)}, and with _mesh1 to _mesh{wheels} those at a mesh"
+    raise InputError(field, name, remedy)
 
 
 def corrections(sums: Floats, controls: Floats) -> Floats:
@@ -90,15 +103,14 @@ def control(c: Collected) -> Collected | None:
     if (
         c.paths < LEAST_PATHS
         or not controls.any()
-        or c.main[:, :, tally.CONTACT : tally.CONTACT + 2].any()
+        or c.main[:, :, c.columns.contact : c.columns.open].any()
         or c.main[:, :, tally.LEFT_OUT + 1].any()
     ):
         return None
     main = c.main.copy()
     power = c.power.reshape(c.paths, -1)
-    main[:, :, : tally.CONTACT] -= every @ corrections(
-        main[:, :, : tally.CONTACT].sum(axis=1), controls
-    )
+    impacts = main[:, :, tally.NUMBER : c.columns.contact]
+    impacts -= every @ corrections(impacts.sum(axis=1), controls)
     power = power - (controls[:, None, :] @ corrections(power, controls))[:, 0]
     return c._replace(main=main, power=power.reshape(c.power.shape))
 
@@ -241,11 +253,10 @@ class _Maker:
             "slow_share": self._ratio(at_slow, at_number, float(slow.sum()), 0.0, 1.0),
         }
 
-    def share(self, of: int, mesh: int) -> StationaryEstimate:
-        """Share of the time in which a mesh is closed (`CONTACT`) or open (`OPEN`); its
-        autocorrelation in impacts."""
+    def share(self, column: int) -> StationaryEstimate:
+        """Share of the time in which a mesh is closed or open, from its column; its autocorrelation
+        in impacts."""
         c = self.c
-        column = of + mesh - 1
         part = spread(self.main[:, column] / c.samples)
         samples = c.samples * c.paths
         apart = float(self.main[:, tally.NUMBER].sum()) / samples  # impacts between two samples
@@ -292,7 +303,7 @@ class _Maker:
                 standardised = _central(raw / n, mean) / [sd**k for k in range(raw.size)]
                 naive = unit_of * _root(float(variance_of(polynomial, standardised)), n)
             batches = math.nan
-            if (prefix, i) == ("", tally.SPEED):
+            if (prefix, i) == ("", tally.OF_SPEED):
                 speed = self.c.main[:, :, 4 * g + tally.SPEED]
                 batches = self._batch_se(speed, 4 * g + tally.NUMBER)
             figure = figure._replace(value=figure.value * factor + origin, se=figure.se * factor)
@@ -333,8 +344,8 @@ def estimates(c: Collected, names: tuple[str, ...] | None = None) -> dict[str, S
     Returns: ``rate_above`` (impacts per unit of time that are not slow) and ``speed_above``,
     ``rate`` and ``flight`` and ``speed`` of all impacts, with ``sd_``, ``skew_`` and ``q01_`` to
     ``q99_``, speeds with ``rms_``, ``energy`` (mean loss of an impact), ``energy_per_period``,
-    ``power`` (loss per unit of time), ``slow_share``, all also with ``_mesh1`` and ``_mesh2`` for
-    two stages, and ``contact_share_mesh1``, ``open_share_mesh1``, ....
+    ``power`` (loss per unit of time), ``slow_share``, all also with ``_mesh1``, ``_mesh2``, ... of
+    several wheels, and ``contact_share_mesh1``, ``open_share_mesh1``, ....
     """
     plain = _estimates(_Maker(c), names)
     less = control(c)
@@ -350,8 +361,8 @@ def _estimates(made: _Maker, names: tuple[str, ...] | None) -> dict[str, Station
     """Those quantities of a long run that are wanted, or all, from the sums of `made`."""
     c = made.c
     out: dict[str, StationaryEstimate] = {}
-    for g, suffix in groups(c.stages):
-        if made.main[:, 4 * g].sum() == 0.0:
+    for g, suffix in groups(c.wheels):
+        if made.main[:, 4 * g + tally.NUMBER].sum() == 0.0:
             continue
         for i, name in NAMES.items():
             if not c.power[:, g, i, 0].any():
@@ -363,7 +374,7 @@ def _estimates(made: _Maker, names: tuple[str, ...] | None) -> dict[str, Station
                 if names is None or any(prefix + name + suffix in names for prefix in prefixes):
                     out |= {prefix + name + suffix: estimate for prefix, estimate in make(g, i)}
         out |= {name + suffix: estimate for name, estimate in made.impacts(g).items()}
-    for mesh in range(1, c.stages + 1):
-        out[f"contact_share_mesh{mesh}"] = made.share(tally.CONTACT, mesh)
-        out[f"open_share_mesh{mesh}"] = made.share(tally.OPEN, mesh)
+    for i in range(c.wheels):
+        out[f"contact_share_mesh{i + 1}"] = made.share(c.columns.contact + i)
+        out[f"open_share_mesh{i + 1}"] = made.share(c.columns.open + i)
     return out if names is None else {name: out[name] for name in names if name in out}

@@ -9,14 +9,16 @@ of a path have the exact mean zero, however it moves.
 
 import math
 
+import numpy as np
+
 from rattle.montecarlo.schemes.short_flight import Phase
 from rattle.scene import Constants, Floats, Ints
 from rattle.scene.compiled import inline, internal
 from rattle.scene.drive import sine_cosine
-from rattle.scene.impact import struck
+from rattle.scene.impact import strike
 
 CONTROLS = 4
-"""Work of the noise on both wheels as seen from the driver; its impulse on wheel 1, times 1, cosine
+"""Work of the noise on all wheels as seen from the driver; its impulse on wheel 1, times 1, cosine
 and sine."""
 PIECE_SAMPLES = 16  # samples of the state in a piece
 # damping from which a piece would have to be shorter than the distance of two samples
@@ -30,7 +32,7 @@ def has_controls(c: Constants) -> bool:
         c.sigma > 0.0
         and c.memory == 0.0
         and not c.drive
-        and max(c.beta1, c.beta2) <= STRONGEST_NOISE
+        and float(c.wheels["beta"].max()) <= STRONGEST_NOISE
     )
 
 
@@ -85,6 +87,18 @@ def _piece(
     return pulled - start, 0.5 * (pulled * pulled - start * start - variance * square)
 
 
+@inline
+def _put_speeds(c: Constants, driver: float, s: Floats, u: Floats) -> None:
+    """The speeds of the wheels in a state, at a speed of the driver: `wheel_speeds` of
+    `rattle.scene.flight` into a given array."""
+    for i in range(u.size):
+        wheel = c.wheels[i]
+        if wheel.parent < 0:
+            u[i] = wheel.turn * driver - wheel.sign * s[2 * i + 1]
+        else:
+            u[i] = wheel.ratio * u[wheel.parent] + s[2 * i + 1]
+
+
 @internal
 def add_noise_work(
     c: Constants,
@@ -100,16 +114,19 @@ def add_noise_work(
 
     `rows`, `impacts`, `states`, `tau`, `apart`: As of
     `rattle.montecarlo.long_run.sums.add_stretch`; the last state is that at the end of the stretch.
-    Shapes: `before` (paths, 4); `out` (paths, CONTROLS).
+    Shapes: `before` (paths, 2 wheels); `out` (paths, CONTROLS).
     """
-    mass = c.mu / (1.0 - c.mu) if c.stages == 2 else 0.0
+    wheels = c.wheels.size
     variance = c.sigma * c.sigma
     last = states.shape[1] - 1
+    u = np.empty(wheels)
+    ends = np.empty(wheels)
+    rates = np.empty(2 * wheels)
+    code = 2 + 2 * wheels
     for p in range(len(rows)):
         at = tau - apart
         here = sine_cosine(at)
-        u1 = c.alpha * here[1] - before[p, 1]
-        u2 = u1 + before[p, 3]
+        _put_speeds(c, c.alpha * here[1], before[p], u)
         k = 0
         j = min(PIECE_SAMPLES - 1, last)
         sum0 = sum1 = sum2 = sum3 = 0.0
@@ -117,32 +134,29 @@ def add_noise_work(
             cut = tau + j * apart
             impact = k < impacts[p] and rows[p, k, 0] <= cut
             now = cut
-            y1 = states[p, j, 1]
-            y2 = states[p, j, 3]
+            for i in range(rates.size):
+                rates[i] = rows[p, k, 2 + i] if impact else states[p, j, i]
             if impact:
                 now = rows[p, k, 0]
-                y1 = rows[p, k, 3]
-                y2 = rows[p, k, 5]
             there = sine_cosine(now)
-            moved = c.alpha * there[1]
-            end = moved - y1
-            growth = _growth(c.beta1, now - at, here, there)
-            impulse, work = _piece(c.gamma1, variance, growth, u1, end)
-            work -= c.alpha * here[1] * impulse
-            if c.stages == 2:
-                if c.beta2 != c.beta1:
-                    growth = _growth(c.beta2, now - at, here, there)
-                other, more = _piece(c.gamma2, variance, growth, u2, end + y2)
-                work += mass * (more - c.alpha * here[1] * other)
-            sum0 += work
-            sum1 += impulse
-            sum2 += here[1] * impulse
-            sum3 += here[0] * impulse
+            _put_speeds(c, c.alpha * there[1], rates, ends)
+            beta = -1.0
+            growth = (0.0, 0.0, 0.0)
+            first = 0.0
+            for i in range(wheels):
+                wheel = c.wheels[i]
+                if wheel.beta != beta:
+                    beta = wheel.beta
+                    growth = _growth(beta, now - at, here, there)
+                square = variance * wheel.turn * wheel.turn
+                impulse, work = _piece(wheel.gamma, square, growth, u[i], ends[i])
+                sum0 += wheel.mass * (work - c.alpha * wheel.turn * here[1] * impulse)
+                first = impulse if i == 0 else first
+            sum1 += first
+            sum2 += here[1] * first
+            sum3 += here[0] * first
             if impact:
-                # both: the mesh is unpredictable
-                first = struck(c, 1, y1, y2)
-                second = struck(c, 2, y1, y2)
-                y1, y2 = first if abs(rows[p, k, 6]) == 1.0 else second
+                strike(c, abs(int(rows[p, k, code])), rates)
                 k += 1
             elif j == last:
                 break
@@ -150,8 +164,7 @@ def add_noise_work(
                 j = min(j + PIECE_SAMPLES, last)
             at = now
             here = there
-            u1 = moved - y1
-            u2 = u1 + y2
+            _put_speeds(c, c.alpha * there[1], rates, u)
         out[p, 0] += sum0
         out[p, 1] += sum1
         out[p, 2] += sum2

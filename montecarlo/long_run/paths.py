@@ -70,7 +70,7 @@ class LongPaths:
         scales."""
         if self.periods > 0:
             self._allow_left_out()
-        own = scales or tally.no_scales(self.slow)
+        own = scales or tally.no_scales(self.scene.stages, self.slow)
         detail = scales is not None
         self.sums = [
             tally.new_sums(walk.paths, PATH_BATCHES, own, detail, self._together)
@@ -146,9 +146,9 @@ class LongPaths:
     def at_rest(self) -> bool:
         """Whether a mesh of every path is closed at all instants of the last half."""
         main = self.main
-        half = (
-            main[:, main.shape[1] // 2 :, tally.CONTACT : tally.CONTACT + 2].sum(axis=1).max(axis=1)
-        )
+        columns = tally.columns_of(self.scene.stages)
+        closed = main[:, main.shape[1] // 2 :, columns.contact : columns.open]
+        half = closed.sum(axis=1).max(axis=1)
         return bool((half >= 0.5 * tally.SAMPLES * self.periods - 0.5).all())
 
     @property
@@ -159,7 +159,7 @@ class LongPaths:
     @property
     def are_sets(self) -> bool:
         """Whether each path is a gear set with backlashes of its own."""
-        return self.scene.tolerance is not None and self.scene.tolerance.differs_by_set
+        return self.scene.differs_by_set
 
     @property
     def main(self) -> Floats:
@@ -179,14 +179,12 @@ class LongPaths:
 
     def collect(self) -> Collected:
         """Everything that was summed."""
-        return tally.collect(
-            self.sums, self.periods // self.length, self.periods, self.scene.stages
-        )
+        return tally.collect(self.sums, self.periods // self.length, self.periods)
 
 
 def warm_up(scene: Scene, slow: float) -> None:
     """Compile everything."""
     walk = Walk(scene, np.random.SeedSequence(0), 0, 1)
-    scales = tally.no_scales(slow)
+    scales = tally.no_scales(scene.stages, slow)
     walk.follow(tally.new_sums(1, 1, scales, False), seen=[])
     walk.follow(tally.new_sums(1, 1, scales))

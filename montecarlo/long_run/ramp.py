@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rattle.montecarlo.long_run import sums as tally
+from rattle.montecarlo.long_run.estimates import groups as mesh_groups
 from rattle.montecarlo.long_run.sums import new_sums, no_scales
 from rattle.montecarlo.long_run.walk import Walk, steps_per_period
 from rattle.montecarlo.schemes.quiet import quiet_of
@@ -31,14 +32,14 @@ class RampStretch(NamedTuple):
     periods: int
 
 
-def count_impacts(main: Floats, stages: int) -> Floats:
+def count_impacts(main: Floats, wheels: int) -> Floats:
     """What is counted of each group of impacts.
 
-    Shapes: `main` (paths, MAIN); result (paths, groups, `COUNTED`).
+    Shapes: `main` (paths, columns); result (paths, groups, `COUNTED`).
     """
-    groups = np.arange(tally.MESH_GROUPS if stages == 2 else 1)
+    groups = np.array([group for group, _ in mesh_groups(wheels)])
     number = main[:, 4 * groups + tally.NUMBER] - main[:, 4 * groups + tally.SLOW]
-    speed = main[:, tally.ABOVE_SPEED + groups]
+    speed = main[:, tally.columns_of(wheels).above_speed + groups]
     energy = main[:, 4 * groups + tally.ENERGY]
     return np.stack([number, speed, energy], axis=2)
 
@@ -67,7 +68,7 @@ class RampPaths:
         """
 
         def follow_one(walk: Walk, stretch: RampStretch) -> Floats:
-            sums = new_sums(walk.paths, 1, no_scales(stretch.slow), False)
+            sums = new_sums(walk.paths, 1, no_scales(self._scene.stages, stretch.slow), False)
             quiet = quiet_of(self._scene, stretch.slow, None)
             walk.change_constants(stretch.constants, quiet)
             walk.follow(sums, stretch.periods, stretch.periods)

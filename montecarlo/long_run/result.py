@@ -13,12 +13,10 @@ from rattle.montecarlo.long_run.estimates import StationaryEstimate, all_names, 
 from rattle.montecarlo.long_run.sums import (
     ENERGY,
     LEFT_OUT,
-    NOISE,
     NUMBER,
     PERIOD,
     PHASES,
     VELOCITY_CELLS,
-    WORK,
     Collected,
 )
 from rattle.scene import Floats, Scene, duration_text
@@ -164,7 +162,7 @@ class LongRun:
     @property
     def is_scattered(self) -> bool:
         """Whether each path is a gear set with backlashes of its own."""
-        return self.scene.tolerance is not None and self.scene.tolerance.differs_by_set
+        return self.scene.differs_by_set
 
     @cached_property
     def estimates(self) -> dict[str, StationaryEstimate]:
@@ -244,16 +242,14 @@ class LongRun:
         long as no mesh is closed. Shapes: result (paths,).
         """
         c = self.scene.constants
-        y1, v2, drive1, drive2 = (
-            self.sums.main[:, :, WORK:NOISE].sum(axis=1) / self.sums.samples
-        ).T
+        columns = self.sums.columns
+        means = self.sums.main.sum(axis=1) / self.sums.samples
+        squared = means[:, columns.squared : columns.work]
+        driven = means[:, columns.work : columns.above_speed]
         lost = self.sums.main[:, :, ENERGY].sum(axis=1) / self.sums.time
-        supplied = (
-            0.5 * c.sigma**2 * mean_square(c.drive, c.beta1) - c.beta1 * y1 + c.alpha * drive1
-        )
-        if c.stages == 2:
-            mass = c.mu / (1.0 - c.mu)
-            supplied += mass * (
-                0.5 * c.sigma**2 * mean_square(c.drive, c.beta2) - c.beta2 * v2 - c.alpha * drive2
-            )
+        supplied = np.zeros(self.paths)
+        for i, wheel in enumerate(c.wheels):
+            noise = 0.5 * (c.sigma * wheel.turn) ** 2 * mean_square(c.drive, wheel.beta)
+            power = noise - wheel.beta * squared[:, i] + c.alpha * driven[:, i]
+            supplied += wheel.mass * power
         return lost, supplied

@@ -16,16 +16,23 @@ import numpy as np
 from scipy.special import fdtri, stdtrit
 
 from rattle.montecarlo.kernel.blocks import HOUR, clock
-from rattle.montecarlo.long_run.estimates import StationaryEstimate, all_names, estimates
+from rattle.montecarlo.long_run.estimates import StationaryEstimate, check_quantity, estimates
 from rattle.montecarlo.long_run.paths import PATH_BATCHES, STATIONARY_PERIODS, LongPaths, warm_up
 from rattle.montecarlo.long_run.result import BurnIn, Contrast, LongReach, LongRun
 from rattle.montecarlo.long_run.scatter import error_share
-from rattle.montecarlo.long_run.sums import NUMBER, SLOW, new_sums, no_scales, scales_of_pilot
+from rattle.montecarlo.long_run.sums import (
+    NUMBER,
+    SLOW,
+    columns_of,
+    new_sums,
+    no_scales,
+    scales_of_pilot,
+)
 from rattle.montecarlo.long_run.walk import Walk
 from rattle.montecarlo.looks import begin_budget, grow
 from rattle.montecarlo.schemes.quiet import quiet_of
 from rattle.montecarlo.settings import check_settings
-from rattle.scene import Floats, InputError, Scene, choice, count, duration_text, positive
+from rattle.scene import Floats, InputError, Scene, count, duration_text, positive
 from rattle.scene.errors import non_negative
 from rattle.scene.progress import ESTIMATES, ProgressBar, do
 
@@ -61,24 +68,13 @@ KEPT_APART = 4.0  # ratio from which paths look as if they never met
 MOST_WIDENED = 100.0  # times wider at the most: where nothing varies, any drift is infinite
 UNSETTLED = 2.0  # times wider intervals at the least, where the start may not be forgotten
 PARTS_OF_HALF = 4  # of the last half, within each path
-COMPARED = (
-    *(
-        what + where
-        for where in ("", " at mesh 1", " at mesh 2")
-        for what in ("impacts", "speed", "energy", "slow impacts")
-    ),
-    "contact at mesh 1",
-    "contact at mesh 2",
-)
-"""What the columns of `Sums.main` that are compared sum."""
 PROBED = 16  # paths of a run that is timed before the others
 PROBE_PERIODS = 2  # its periods that are timed, after as many in which the paths leave their start
 
 
 def usual_paths(scene: Scene) -> int:
     """How many paths a long run follows where none are asked for."""
-    differs = scene.tolerance is not None and scene.tolerance.differs_by_set
-    return SET_PATHS if differs else LONG_RUN_PATHS
+    return SET_PATHS if scene.differs_by_set else LONG_RUN_PATHS
 
 
 class BurnInError(InputError):
@@ -92,19 +88,30 @@ class AtRest(InputError):
     left_out = 0.0  # bound of the rate of impacts that are not slow, and were not followed
 
 
-def _largest(size: Floats, allowed: float, share: Floats | None = None) -> Contrast:
+def compared_names(wheels: int) -> tuple[str, ...]:
+    """What the columns of `Sums.main` that are compared sum: those from `NUMBER` on."""
+    meshes = [f" at mesh {mesh}" for mesh in range(1, wheels + 1)]
+    sums = ("impacts", "speed", "energy", "slow impacts")
+    return (
+        *(what + where for where in ("", *meshes) for what in sums),
+        *("contact" + where for where in meshes),
+    )
+
+
+def _largest(wheels: int, size: Floats, allowed: float, share: Floats | None = None) -> Contrast:
     """The largest of the differences of all columns of `Sums.main` that are compared."""
     k = int(np.argmax(np.abs(size)))
     of_mean = math.nan if share is None else float(share[k])
-    return Contrast(COMPARED[k], float(size[k]), allowed, of_mean)
+    return Contrast(compared_names(wheels)[k], float(size[k]), allowed, of_mean)
 
 
-def drift(main: Floats, early: slice, late: slice) -> Contrast:
+def drift(main: Floats, wheels: int, early: slice, late: slice) -> Contrast:
     """Compare two parts of a run.
 
-    Shapes: `main` (paths, batches, MAIN).
+    Shapes: `main` (paths, batches, columns).
     """
-    a, b = (main[:, part, : len(COMPARED)].mean(axis=1) for part in (early, late))
+    compared = main[:, :, NUMBER : columns_of(wheels).open]
+    a, b = (compared[:, part].mean(axis=1) for part in (early, late))
     difference = b - a
     n = len(main)
     mean = difference.mean(axis=0)
@@ -113,22 +120,23 @@ def drift(main: Floats, early: slice, late: slice) -> Contrast:
         z = np.where(se > 0.0, mean / se, np.where(mean == 0.0, 0.0, np.inf))
         share = mean / np.abs(b.mean(axis=0))
     allowed = float(stdtrit(n - 1, 1.0 - 0.5 * FALSE_TEST / z.size))
-    return _largest(z, allowed, share)
+    return _largest(wheels, z, allowed, share)
 
 
-def apart(main: Floats, early: slice, late: slice) -> Contrast:
+def apart(main: Floats, wheels: int, early: slice, late: slice) -> Contrast:
     """Compare the variance between paths with that within them: over the quarters of the last half,
     and over two parts of the run, which correlate where paths remember what they did.
 
     The worse of both.  Two parts with the correlation r have the ratio ``(1 + r) / (1 - r)``.
 
-    Shapes: `main` (paths, batches, MAIN).
+    Shapes: `main` (paths, batches, columns).
     """
     n = len(main)
-    compared = main[:, :, : len(COMPARED)]
+    compared = main[:, :, NUMBER : columns_of(wheels).open]
+    columns = compared.shape[2]
     before = compared[:, early].mean(axis=1)
     after = compared[:, late].mean(axis=1)
-    parts = compared[:, late].reshape(n, PARTS_OF_HALF, -1, len(COMPARED)).mean(axis=2)
+    parts = compared[:, late].reshape(n, PARTS_OF_HALF, -1, columns).mean(axis=2)
     within = parts.var(axis=1, ddof=1).mean(axis=0) / PARTS_OF_HALF
     between = after.var(axis=0, ddof=1)
     product = ((before - before.mean(axis=0)) * (after - after.mean(axis=0))).mean(axis=0)
@@ -136,12 +144,13 @@ def apart(main: Floats, early: slice, late: slice) -> Contrast:
         ratio = np.where(between > 1e-24, between / within, 0.0)
         r = np.where(between > 1e-24, product / (before.std(axis=0) * after.std(axis=0)), 0.0)
         remembered = (1.0 + r) / (1.0 - r)
-    chance = 1.0 - FALSE_TEST / len(COMPARED)
+    chance = 1.0 - FALSE_TEST / columns
     far = float(fdtri(n - 1, n * (PARTS_OF_HALF - 1), chance))
     t = float(stdtrit(n - 2, chance))
     most = t / math.sqrt(n - 2 + t * t)
-    spread = _largest(np.nan_to_num(ratio, posinf=np.inf), max(TOO_FAR, far))
-    memory = _largest(np.nan_to_num(remembered, posinf=np.inf), (1.0 + most) / (1.0 - most))
+    spread = _largest(wheels, np.nan_to_num(ratio, posinf=np.inf), max(TOO_FAR, far))
+    least = (1.0 + most) / (1.0 - most)
+    memory = _largest(wheels, np.nan_to_num(remembered, posinf=np.inf), least)
     return max(spread, memory, key=lambda one: one.size / one.allowed)
 
 
@@ -156,6 +165,7 @@ def settle(paths: LongPaths, burn_in: int | None) -> BurnIn:
         paths.reserve = (1.0 - BURN_IN_SHARE) * paths.limit.seconds
     paths.begin()
     before: Contrast | None = None
+    wheels = paths.scene.stages
     while True:
         began = clock()
         paths.expect(until - paths.periods + STATIONARY_PERIODS)
@@ -167,20 +177,16 @@ def settle(paths: LongPaths, burn_in: int | None) -> BurnIn:
         moved = Contrast("", 0.0, math.inf, 0.0)
         differ = None
         if quarter:
-            moved = drift(main, slice(quarter, 2 * quarter), late)
+            moved = drift(main, wheels, slice(quarter, 2 * quarter), late)
             if quarter * 2 % PARTS_OF_HALF == 0 and not paths.are_sets:
-                differ = apart(main, slice(quarter, 2 * quarter), late)
+                differ = apart(main, wheels, slice(quarter, 2 * quarter), late)
         forgotten = moved.reached and (differ is None or differ.reached)
         if paths.periods >= until and (
             burn_in is not None or (forgotten and impacts >= LEAST_IMPACTS)
         ):
             return BurnIn(paths.periods, moved, differ, True)
         if impacts == 0.0 and paths.periods >= FIRST_DRIFT and paths.at_rest():
-            why = "comes to rest: a mesh stays closed, and no impact was seen"
-            rest = AtRest("scene", paths.scene.sigma, why)
-            rest.watched = len(main), 2 * quarter * paths.length
-            rest.left_out = paths.left_out()
-            raise rest
+            raise _make_rest(paths, 2 * quarter * paths.length)
         room = paths.limit.remaining - paths.reserve
         if limited and (paths.periods < until or room < 2.0 * (clock() - began)):
             return BurnIn(paths.periods, moved, differ, False)
@@ -188,6 +194,15 @@ def settle(paths: LongPaths, burn_in: int | None) -> BurnIn:
             raise refusal(paths.elapsed, moved, differ, before, impacts)
         before = moved
         until = 2 * until
+
+
+def _make_rest(paths: LongPaths, periods: int) -> AtRest:
+    """The error for paths that had no impact in so many periods."""
+    why = "comes to rest: a mesh stays closed, and no impact was seen"
+    rest = AtRest("scene", paths.scene.sigma, why)
+    rest.watched = len(paths.main), periods
+    rest.left_out = paths.left_out()
+    return rest
 
 
 def refusal(
@@ -244,7 +259,7 @@ def _pilot(paths: LongPaths) -> None:
     paths.begin()
     seen: list[Floats] = []
     paths.follow(periods, seen)
-    paths.begin(scales_of_pilot(np.concatenate(seen), paths.slow))
+    paths.begin(scales_of_pilot(paths.scene.stages, np.concatenate(seen), paths.slow))
 
 
 def _pilot_periods(rate: float) -> float:
@@ -281,8 +296,9 @@ def _gather(
                 " that it may take as budget"
             )
             raise InputError("accuracy", goal, why)
-        paths.expect(PERIODS_SPARE * more)
         most = PERIODS_GROWTH * before
+        # none can be expected where no impact was seen
+        paths.expect(PERIODS_SPARE * more if math.isfinite(more) else most)
         paths.follow(min(grow(before, min(need, most), PERIODS_SPARE), most))
         if paths.periods == before:
             return LongReach(goal, worst, width, more * paths.pace)
@@ -327,7 +343,7 @@ def expect_run(
     """
     warm_up(scene, slow)
     walk = Walk(scene, np.random.SeedSequence(0), 0, PROBED, quiet_of(scene, slow, resolve))
-    sums = new_sums(PROBED, PROBE_PERIODS, no_scales(slow), False)
+    sums = new_sums(PROBED, PROBE_PERIODS, no_scales(scene.stages, slow), False)
     walk.follow(sums, PROBE_PERIODS)
     sums.main[:] = 0.0
     began = clock()
@@ -367,7 +383,7 @@ def check_long_run(
     check_settings(scene, paths, 1, None, "exact-flight", rng, workers)
     count("paths", paths, least=16)
     for name in quantities:
-        choice("quantities", name, all_names(scene.stages))
+        check_quantity("quantities", name, scene.stages)
     if accuracy is not None and periods is not None:
         raise InputError("periods", periods, "is chosen by accuracy; leave out one of them")
     if periods is not None:
@@ -458,7 +474,10 @@ def _settle_and_gather(
         settled = settle(followed, burn_in)
         _pilot(followed)
         reach = _gather(followed, goal, periods, quantities)
-        late = _late_drift(followed.main)
+        # a budget may end before the burn-in could tell
+        if not followed.main[:, :, NUMBER].any() and followed.at_rest():
+            raise _make_rest(followed, followed.periods)
+        late = _late_drift(followed)
         ended = limit.remaining < BURN_IN_SHARE * limit.seconds
         if late.reached or burn_in is not None or not settled.reached or ended:
             break
@@ -469,13 +488,12 @@ def _settle_and_gather(
     return settled, reach, late
 
 
-def _late_drift(main: Floats) -> Contrast:
+def _late_drift(paths: LongPaths) -> Contrast:
     """Compare the first quarter of the stationary motion with its last half, where it has four
-    parts.
-
-    Shapes: `main` (paths, batches, MAIN).
-    """
+    parts."""
+    main = paths.main
     batches = main.shape[1]
     if batches < 4:
         return Contrast("", 0.0, math.inf)
-    return drift(main, slice(0, batches // 4), slice(batches // 2, batches))
+    halves = slice(0, batches // 4), slice(batches // 2, batches)
+    return drift(main, paths.scene.stages, *halves)

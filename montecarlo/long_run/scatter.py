@@ -86,7 +86,7 @@ def values_of_sets(c: Collected, quantity: str, group: int) -> SetValues | None:
     energy = parts[:, :, 4 * group + tally.ENERGY]
     top, bottom = {
         "rate_above": (above, time),
-        "speed_above": (parts[:, :, tally.ABOVE_SPEED + group], above),
+        "speed_above": (parts[:, :, c.columns.above_speed + group], above),
         "energy_per_period": (tally.PERIOD * energy, time),
         "power": (energy, time),
     }[quantity]

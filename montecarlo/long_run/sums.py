@@ -1,13 +1,13 @@
 """The sums that a long run keeps of each path: their size does not depend on how long it is.
 
-Impacts are counted in groups: all, and with two stages those at mesh 1 and at mesh 2; the flight of
-a group is the time since its last impact.  Distributions are histograms over edges that a pilot run
+Impacts are counted in groups: all, and those at each mesh; the flight of a group is the time since
+its last impact.  Distributions are histograms over edges that a pilot run
 has set, with power sums about its mean; those of the speed are the same for all groups, so that all
-impacts are the sum of both meshes.
+impacts are the sum of those at the meshes.
 """
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,34 +21,21 @@ from rattle.scene.impact import energy_loss
 
 Counts = NDArray[np.uint32]
 
-MESH_GROUPS = 3
-"""All impacts, those at mesh 1, those at mesh 2."""
-NUMBER, SPEED, ENERGY, SLOW = range(4)
-"""Columns of a group in `Sums.main`: number of impacts, sums of speed and of energy lost, number of
-slow impacts."""
-CONTACT = 4 * MESH_GROUPS
-"""Columns of `Sums.main` from here: samples at which mesh 1, and mesh 2, is closed."""
-OPEN = CONTACT + 2
-"""Columns of `Sums.main` from here: samples at which mesh 1, and mesh 2, is open: no flank is as
-near as `NEAR_FLANK`."""
-NEAR_FLANK = 0.01  # of the backlash
-WORK = OPEN + 2
-"""Columns of `Sums.main` from here: sums over the samples of y1^2, v2^2, m1 y1 and m2 v2
-(docs/model.md section 10)."""
-NOISE = WORK + 4
+NOISE = 0
 """Columns of `Sums.main` from here: the control variates of
 `rattle.montecarlo.long_run.noise_work`."""
-ABOVE_SPEED = NOISE + CONTROLS
-"""Columns of `Sums.main` from here: speed of impacts that are not slow, of each group."""
-LEFT_OUT = ABOVE_SPEED + MESH_GROUPS
+LEFT_OUT = NOISE + CONTROLS
 """Columns of `Sums.main` from here: what impacts that are not followed lose at closed meshes, how
 long meshes are closed for them, and the most of them that are not slow."""
-MAIN = LEFT_OUT + 3
+NUMBER, SPEED, ENERGY, SLOW = range(LEFT_OUT + 3, LEFT_OUT + 7)
+"""Columns of all impacts in `Sums.main`: their number, sums of speed and of energy lost, number of
+slow impacts; those of a mesh are 4 times its number further on."""
+NEAR_FLANK = 0.01  # of the backlash
 FLIGHT = 0
+OF_SPEED = 1
 ABOVE = 2
 DISTRIBUTION_KINDS = 3
-"""Distributions: flight, `SPEED` (1 there too), and the speed of impacts that are not slow; how
-many these are."""
+"""Distributions: flight, speed, and the speed of impacts that are not slow; how many these are."""
 PERIOD = 2.0 * math.pi
 SAMPLES = 64
 """Instants of a period at which states are taken for averages over time."""
@@ -64,19 +51,47 @@ TAILS = 8.0  # outermost edges at the probabilities expit(+-8), 3e-4, of the pil
 VELOCITY_MARGIN = 0.05  # of the range of velocities, at each end of the section
 
 
+class Columns(NamedTuple):
+    """Columns of `Sums.main` from which on there is one for each mesh, or for each group."""
+
+    contact: int  # samples at which a mesh is closed
+    open: int  # samples at which it is open: no flank is as near as `NEAR_FLANK`
+    # squared and work: sums over the samples of v^2 and n v, v the deviation of the speed of a
+    # wheel and n the modulation of its noise (docs/model.md section 10)
+    squared: int
+    work: int
+    above_speed: int  # speed of impacts that are not slow; of each group
+    total: int
+
+
+def columns_of(wheels: int) -> Columns:
+    """The columns of `Sums.main` for so many wheels."""
+    contact = NUMBER + 4 * (wheels + 1)
+    above_speed = contact + 4 * wheels
+    return Columns(
+        contact=contact,
+        open=contact + wheels,
+        squared=contact + 2 * wheels,
+        work=contact + 3 * wheels,
+        above_speed=above_speed,
+        total=above_speed + wheels + 1,
+    )
+
+
 class Scales(NamedTuple):
     """What a pilot run sets."""
 
-    # centre, scale: of the power sums of flight and speeds; (MESH_GROUPS, DISTRIBUTION_KINDS)
+    # centre, scale: of the power sums of flight and speeds; (groups, DISTRIBUTION_KINDS)
     centre: Floats
     scale: Floats
-    # inner edges of the bins, ascending; the first and the last bin are open; (MESH_GROUPS,
-    # DISTRIBUTION_KINDS, SUM_BINS
-    # - 1)
+    # inner edges of the bins, ascending; the first and the last bin are open; (groups,
+    # DISTRIBUTION_KINDS, SUM_BINS - 1)
     edges: Floats
-    # number of edges in lower cells; (MESH_GROUPS, DISTRIBUTION_KINDS, CELLS + 1)
+    # number of edges in lower cells; (groups, DISTRIBUTION_KINDS, CELLS + 1)
     first: NDArray[np.int16]
-    low: Floats  # low, high: velocities between which the section of each mesh is counted; (2,)
+    low: (
+        Floats  # low, high: velocities between which the section of each mesh is counted; (wheels,)
+    )
     high: Floats
     slow: float  # speed below which an impact is slow
 
@@ -85,18 +100,20 @@ class Sums(NamedTuple):
     """The sums of a block of paths; all but `main` are empty before a pilot run has set what they
     need."""
 
-    main: Floats  # sums in each batch of time; (paths, batches, MAIN)
+    main: Floats  # sums in each batch of time; (paths, batches, `Columns.total`)
+    columns: Columns  # of them
     batch: Ints  # the batch that is being filled; (1,)
-    # power sums of flight and speeds; (paths, MESH_GROUPS, DISTRIBUTION_KINDS, POWER_SUMS)
+    # power sums of flight and speeds; (paths, groups, DISTRIBUTION_KINDS, POWER_SUMS)
     power: Floats
     # sums of the squared energy loss, of the energy loss times the flight, and of flights to
-    # impacts that are not slow; (paths, MESH_GROUPS, 3)
+    # impacts that are not slow; (paths, groups, 3)
     products: Floats
-    # counts of flight and speeds, of `together` successive paths each.  With two stages the speeds,
-    # and the squared energy loss, are counted for each mesh only (also in `power` and `products`);
-    # (units, MESH_GROUPS, DISTRIBUTION_KINDS, SUM_BINS)
+    # counts of flight and speeds, of `together` successive paths each.  Speeds, and the squared
+    # energy loss, are counted for each mesh only (also in `power` and `products`);
+    # (units, groups, DISTRIBUTION_KINDS, SUM_BINS)
     histogram: Counts
-    # impacts at each mesh by phase and velocity before them; (units, 2, PHASES, VELOCITY_CELLS)
+    # impacts at each mesh by phase and velocity before them; (units, wheels, PHASES,
+    # VELOCITY_CELLS)
     section: Counts
     together: int  # paths that share a unit: counts of fewer units stay in the cache of a core
     scales: Scales  # set by the pilot run
@@ -107,14 +124,17 @@ def new_sums(
 ) -> Sums:
     """Sums of nothing yet; `detail`: whether distributions are counted too."""
     n = paths if detail else 0
-    main = np.zeros((paths, batches, MAIN))
+    wheels = scales.low.size
+    groups = wheels + 1
+    columns = columns_of(wheels)
+    main = np.zeros((paths, batches, columns.total))
     batch = np.zeros(1, np.int64)
     units = -(-n // together)
-    power = np.zeros((n, MESH_GROUPS, DISTRIBUTION_KINDS, POWER_SUMS))
-    products = np.zeros((n, MESH_GROUPS, 3))
-    histogram = np.zeros((units, MESH_GROUPS, DISTRIBUTION_KINDS, SUM_BINS), np.uint32)
-    section = np.zeros((units, 2, PHASES, VELOCITY_CELLS), np.uint32)
-    return Sums(main, batch, power, products, histogram, section, together, scales)
+    power = np.zeros((n, groups, DISTRIBUTION_KINDS, POWER_SUMS))
+    products = np.zeros((n, groups, 3))
+    histogram = np.zeros((units, groups, DISTRIBUTION_KINDS, SUM_BINS), np.uint32)
+    section = np.zeros((units, wheels, PHASES, VELOCITY_CELLS), np.uint32)
+    return Sums(main, columns, batch, power, products, histogram, section, together, scales)
 
 
 @inline
@@ -181,46 +201,50 @@ def _add_to_section(s: Sums, p: int, mesh: int, tau: float, y: float) -> None:
         s.section[p // s.together, mesh - 1, phase, int(place * VELOCITY_CELLS)] += np.uint32(1)
 
 
-@inline
-def _add_wheel(
-    i: int,
-    wall: float,
-    beta: float,
-    states: Floats,
-    sine: Floats,
-    cosine: Floats,
-    walls: Floats,
-    p: int,
-    main: Floats,
+@internal
+def _add_states(
+    c: Constants, states: Floats, modulated: Floats, walls: Floats, p: int, v: Floats, s: Sums
 ) -> None:
-    """Add the states of a wheel, the first or the second, and their work."""
-    near = 2.0 * NEAR_FLANK * wall
-    closed = is_open = squared = moved = 0.0
-    for k in range(len(states)):
-        x = states[k, 2 * i]
-        y = states[k, 2 * i + 1]
-        v = y if i == 0 else y - states[k, 1]  # seen from the driver
-        closed += y == 0.0  # in flight with probability 0
-        is_open += near - walls[2 * i + 1, p] < x < walls[2 * i, p] - near
-        squared += v * v
-        moved += (beta * cosine[k] - sine[k]) * v
-    main[CONTACT + i] += closed
-    main[OPEN + i] += is_open
-    main[WORK + i] += squared
-    main[WORK + 2 + i] += moved
+    """Add the states of the wheels of a path, and their work.
+
+    `v`: Room for the deviations of the speeds. Shapes: `states` (samples, 2 wheels); `modulated`,
+    `v` (wheels, samples).
+    """
+    main = s.main[p, s.batch[0]]
+    columns = s.columns
+    for i in range(c.wheels.size):
+        wheel = c.wheels[i]
+        near = 2.0 * NEAR_FLANK * wheel.wall
+        closed = is_open = squared = moved = 0.0
+        for k in range(len(states)):
+            x = states[k, 2 * i]
+            y = states[k, 2 * i + 1]
+            carried = wheel.ratio * v[wheel.parent, k] if wheel.parent >= 0 else 0.0
+            speed = wheel.sign * y + carried
+            v[i, k] = speed
+            closed += y == 0.0  # in flight with probability 0
+            is_open += near - walls[2 * i + 1, p] < x < walls[2 * i, p] - near
+            squared += speed * speed
+            moved += modulated[i, k] * speed
+        main[columns.contact + i] += closed
+        main[columns.open + i] += is_open
+        main[columns.squared + i] += squared
+        main[columns.work + i] += moved
 
 
 @internal
-def _phases(drive: Any, tau: float, apart: float, n: int) -> tuple[Floats, Floats]:
-    """Sine and cosine of n times, or ``-f''`` and ``f'`` of several orders."""
-    if len(drive) == 0:
-        return np.sin(tau + apart * np.arange(n)), np.cos(tau + apart * np.arange(n))
-    sine = np.empty(n)
-    cosine = np.empty(n)
+def _modulations(c: Constants, tau: float, apart: float, n: int) -> Floats:
+    """The modulation ``kappa (f'' + beta f')`` of the noise of each wheel, at n times.
+
+    Shapes: result (wheels, n).
+    """
+    out = np.empty((c.wheels.size, n))
     for k in range(n):
-        cosine[k], second = velocity_acceleration(drive, tau + apart * k)
-        sine[k] = -second
-    return sine, cosine
+        first, second = velocity_acceleration(c.drive, tau + apart * k)
+        for i in range(c.wheels.size):
+            wheel = c.wheels[i]
+            out[i, k] = wheel.turn * (wheel.beta * first + second)
+    return out
 
 
 @internal
@@ -237,84 +261,92 @@ def add_stretch(
 ) -> None:
     """Add the impacts and the states of a stretch to the sums of each path.
 
-    Shapes: `rows` (paths, impacts or more, COLUMNS); `impacts` (paths or more,); `struck` (paths,
-    2); `states` (paths, samples, 4); `walls` (4, paths or more), as they are at its end.
+    Shapes: `rows` (paths, impacts or more, columns); `impacts` (paths or more,); `struck` (paths,
+    wheels); `states` (paths, samples, 2 wheels); `walls` (2 wheels, paths or more), as they are at
+    its end.
     """
     n = states.shape[1]
-    two = c.stages == 2
+    wheels = c.wheels.size
+    above_speed = s.columns.above_speed
     detail = len(s.power) > 0
-    sine, cosine = _phases(c.drive, tau, apart, n)
+    modulated = _modulations(c, tau, apart, n)
+    v = np.empty((wheels, n))
+    code = 2 + 2 * wheels
     for p in range(len(rows)):
         main = s.main[p, s.batch[0]]
         last = struck[p]
         for k in range(impacts[p]):
             now = rows[p, k, 0]
-            mesh = abs(int(rows[p, k, 6]))
+            mesh = abs(int(rows[p, k, code]))
             y = rows[p, k, 2 * mesh + 1]
             slow = abs(y) < s.scales.slow
-            lost = energy_loss(c, mesh, rows[p, k, 3], rows[p, k, 5])
-            g = mesh if two else 0
-            main[4 * g + NUMBER] += 1.0
-            main[4 * g + SPEED] += abs(y)
-            main[4 * g + ENERGY] += lost
-            main[4 * g + SLOW] += slow
+            lost = energy_loss(c, mesh, y)
+            main[4 * mesh + NUMBER] += 1.0
+            main[4 * mesh + SPEED] += abs(y)
+            main[4 * mesh + ENERGY] += lost
+            main[4 * mesh + SLOW] += slow
             if not slow:
-                main[ABOVE_SPEED + g] += abs(y)
+                main[above_speed + mesh] += abs(y)
             if detail:
                 flight = rows[p, k, 1]
                 own = now - last[mesh - 1]
                 _add_value(s, p, 0, FLIGHT, flight)
+                _add_value(s, p, mesh, FLIGHT, own)
+                _add_value(s, p, mesh, OF_SPEED, abs(y))
                 s.products[p, 0, 1] += lost * flight
-                if two:
-                    _add_value(s, p, g, FLIGHT, own)
-                    s.products[p, g, 1] += lost * own
-                _add_value(s, p, g, SPEED, abs(y))
-                s.products[p, g, 0] += lost * lost
+                s.products[p, mesh, 1] += lost * own
+                s.products[p, mesh, 0] += lost * lost
                 if not slow:
-                    _add_value(s, p, g, ABOVE, abs(y))
+                    _add_value(s, p, mesh, ABOVE, abs(y))
                     s.products[p, 0, 2] += flight
-                    if two:
-                        s.products[p, g, 2] += own
+                    s.products[p, mesh, 2] += own
                 _add_to_section(s, p, mesh, now, y)
             last[mesh - 1] = now
-        if two:
-            for column in range(4):
-                main[column] = main[4 + column] + main[8 + column]
-            main[ABOVE_SPEED] = main[ABOVE_SPEED + 1] + main[ABOVE_SPEED + 2]
-        for i in range(c.stages):
-            wall = c.wall2 if i else c.wall1
-            beta = c.beta2 if i else c.beta1
-            _add_wheel(i, wall, beta, states[p], sine, cosine, walls, p, main)
+        _add_meshes(main, NUMBER, 4, 4, wheels)
+        _add_meshes(main, above_speed, 1, 1, wheels)
+        _add_states(c, states[p], modulated, walls, p, v, s)
+
+
+@inline
+def _add_meshes(main: Floats, first: int, columns: int, apart: int, wheels: int) -> None:
+    """Fill the columns of all impacts with the sums of those of the meshes."""
+    for column in range(first, first + columns):
+        total = 0.0
+        for mesh in range(1, wheels + 1):
+            total += main[column + apart * mesh]
+        main[column] = total
 
 
 @internal
-def add_left_out(c: Constants, closed: Floats, s: Sums) -> None:
+def add_left_out(closed: Floats, s: Sums) -> None:
     """Add what is not followed at closed meshes to the sums of each path.
 
-    Shapes: `closed` (4, paths or more), see `rattle.montecarlo.schemes.lanes.Room`.
+    Shapes: `closed` (wheels + 2, paths or more), see `rattle.montecarlo.schemes.lanes.Room`.
     """
+    wheels = len(closed) - 2
     for p in range(len(s.main)):
         main = s.main[p, s.batch[0]]
-        lost1 = closed[0, p]
-        lost2 = closed[1, p]
-        main[ENERGY] += lost1 + lost2
-        if c.stages == 2:
-            main[4 + ENERGY] += lost1
-            main[8 + ENERGY] += lost2
-        main[LEFT_OUT] += lost1 + lost2
-        main[LEFT_OUT + 1] += closed[2, p]
-        main[LEFT_OUT + 2] += closed[3, p]
+        total = 0.0
+        for i in range(wheels):
+            total += closed[i, p]
+            main[4 * (i + 1) + ENERGY] += closed[i, p]
+        main[ENERGY] += total
+        main[LEFT_OUT] += total
+        main[LEFT_OUT + 1] += closed[wheels, p]
+        main[LEFT_OUT + 2] += closed[wheels + 1, p]
 
 
-def no_scales(slow: float) -> Scales:
+def no_scales(wheels: int, slow: float) -> Scales:
     """Scales before there is a pilot run: nothing but means can be summed by them."""
-    shape = (MESH_GROUPS, DISTRIBUTION_KINDS)
+    shape = (wheels + 1, DISTRIBUTION_KINDS)
     edges = np.zeros((*shape, SUM_BINS - 1))
     first = np.zeros((*shape, CELLS + 1), np.int16)
-    return Scales(np.zeros(shape), np.ones(shape), edges, first, np.zeros(2), np.ones(2), slow)
+    low = np.zeros(wheels)
+    high = np.ones(wheels)
+    return Scales(np.zeros(shape), np.ones(shape), edges, first, low, high, slow)
 
 
-def scales_of_pilot(seen: Floats, slow: float) -> Scales:
+def scales_of_pilot(wheels: int, seen: Floats, slow: float) -> Scales:
     """Scales from the impacts of a pilot run.
 
     The edges of the bins are quantiles of the pilot run, densest in the tails, so that every
@@ -323,21 +355,21 @@ def scales_of_pilot(seen: Floats, slow: float) -> Scales:
 
     Shapes: `seen` (impacts, 4).
     """
-    s = no_scales(slow)
+    s = no_scales(wheels, slow)
     share = expit(np.linspace(-TAILS, TAILS, SUM_BINS - 1))
-    for g in range(MESH_GROUPS):
+    for g in range(wheels + 1):
         own = seen if g == 0 else seen[seen[:, 0] == g]
         if len(own) == 0:
             continue
         speed = np.abs(own[:, 3])
         for i, values in (
             (FLIGHT, own[:, 1 if g == 0 else 2]),
-            (SPEED, speed),
+            (OF_SPEED, speed),
             (ABOVE, speed[speed >= slow]),
         ):
             if values.size == 0:
                 continue
-            if g > 0 and i != FLIGHT:  # as for all impacts, which are the sum of both meshes
+            if g > 0 and i != FLIGHT:  # as for all impacts, which are the sum of the meshes
                 s.centre[g, i], s.scale[g, i] = s.centre[0, i], s.scale[0, i]
                 s.edges[g, i], s.first[g, i] = s.edges[0, i], s.first[0, i]
                 continue
@@ -359,7 +391,8 @@ def scales_of_pilot(seen: Floats, slow: float) -> Scales:
 class Collected(NamedTuple):
     """The sums of all paths."""
 
-    main: Floats  # as of `Sums`, over the batches that are full; (paths, batches, MAIN)
+    main: Floats  # as of `Sums`, over the batches that are full
+    columns: Columns  # of them
     periods: int  # of each path
     power: Floats  # power, products, histogram, section, together: as of `Sums`, of all paths
     products: Floats
@@ -367,7 +400,11 @@ class Collected(NamedTuple):
     section: Counts
     together: int
     scales: Scales  # of the pilot run
-    stages: int  # of the scene
+
+    @property
+    def wheels(self) -> int:
+        """Number of wheels."""
+        return self.scales.low.size
 
     @property
     def paths(self) -> int:
@@ -386,21 +423,28 @@ class Collected(NamedTuple):
 
     def impacts_at(self, mesh: int) -> Floats:
         """Impacts at a mesh of the paths that share a unit of the distributions, shape (units,)."""
-        of_paths = self.main[:, :, 4 * (mesh if self.stages == 2 else 0) + NUMBER].sum(axis=1)
+        of_paths = self.main[:, :, 4 * mesh + NUMBER].sum(axis=1)
         return np.asarray(np.add.reduceat(of_paths, np.arange(0, self.paths, self.together)))
 
 
-def collect(parts: list[Sums], batches: int, periods: int, stages: int) -> Collected:
+def collect(parts: list[Sums], batches: int, periods: int) -> Collected:
     """Join the sums of all blocks of paths."""
     names = ("main", "power", "products", "histogram", "section")
     main, power, products, *counts = (
         np.concatenate([getattr(part, name) for part in parts]) for name in names
     )
-    if stages == 2:  # all impacts: those at either mesh
-        for sums in (power[:, :, SPEED:], products[:, :, 0], counts[0][:, :, SPEED:]):
-            sums[:, 0] = sums[:, 1] + sums[:, 2]
-    together = parts[0].together
-    scales = parts[0].scales
+    # all impacts: those at any mesh
+    for sums in (power[:, :, OF_SPEED:], products[:, :, 0], counts[0][:, :, OF_SPEED:]):
+        sums[:, 0] = sums[:, 1:].sum(axis=1)
+    first = parts[0]
     return Collected(
-        main[:, :batches], periods, power, products, counts[0], counts[1], together, scales, stages
+        main[:, :batches],
+        first.columns,
+        periods,
+        power,
+        products,
+        counts[0],
+        counts[1],
+        first.together,
+        first.scales,
     )

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rattle.montecarlo.kernel.block import Plan, begin_block
-from rattle.montecarlo.kernel.kernel import COLUMNS, Job, Output, block_kernel
+from rattle.montecarlo.kernel.kernel import Job, Output, block_kernel, columns_recorded
 from rattle.montecarlo.long_run.noise_work import add_noise_work, has_controls
 from rattle.montecarlo.long_run.sums import NOISE, PERIOD, SAMPLES, Sums, add_left_out, add_stretch
 from rattle.montecarlo.noise.philox import Word
@@ -49,12 +49,12 @@ class Block(NamedTuple):
     steps: int
     every: Lanes  # every, room: paths side by side, and buffers
     room: Room
-    state: Floats  # states at the end of the last stretch; (paths, 4)
-    struck: Floats  # time of the last impact at each mesh; (paths, 2)
+    state: Floats  # states at the end of the last stretch; (paths, 2 wheels)
+    struck: Floats  # time of the last impact at each mesh; (paths, wheels)
     # buffer of recorded states.  One more than is used: at powers of two, paths would share lines
-    # of the cache; (1, paths, samples + 1, 4)
+    # of the cache; (1, paths, samples + 1, 2 wheels)
     samples: Floats
-    none: Floats  # output of no control variate; (0, 1, COLUMNS)
+    none: Floats  # output of no control variate; (0, 1, columns)
     counters: Ints  # of what `BEGIN` to `LONG` say
 
 
@@ -63,8 +63,8 @@ def impacts_of(rows: Floats, impacts: Ints, struck: Floats) -> Floats:
     """The impacts of a stretch one below the other, path by path.
 
     Returns: Mesh, time since the last impact and since the last one at this mesh, velocity at this
-    mesh. Shapes: `rows` (paths, impacts or more, COLUMNS); `impacts` (paths,); `struck` (paths, 2);
-    result (impacts, 4).
+    mesh. Shapes: `rows` (paths, impacts or more, columns); `impacts` (paths,); `struck` (paths,
+    wheels); result (impacts, 4).
     """
     total = 0
     for p in range(len(rows)):
@@ -74,7 +74,7 @@ def impacts_of(rows: Floats, impacts: Ints, struck: Floats) -> Floats:
     for p in range(len(rows)):
         for k in range(impacts[p]):
             row = rows[p, k]
-            mesh = int(abs(row[6]))
+            mesh = int(abs(row[row.size - 1]))
             out[n, 0] = mesh
             out[n, 1] = row[1]
             out[n, 2] = row[0] - struck[p, mesh - 1]
@@ -96,7 +96,7 @@ def follow_stretches(
     `stretches`, `until`, `length`: Stretches to follow at most, the number of periods to end at:
     the end of a batch, and the periods of a batch. Returns: 0; or, where a path had more impacts in
     a stretch than there is space for, how many.  The block is then as before that stretch. Shapes:
-    `rows` (1, paths, impacts, COLUMNS).
+    `rows` (1, paths, impacts, columns).
     """
     count = b.counters
     job = b.job
@@ -141,7 +141,7 @@ def follow_stretches(
             add_noise_work(job.c, rows[0], impacts, state, states, at, between, out)
         put(state, states[:, samples - 1])
         add_stretch(job.c, rows[0], impacts, struck, states, flanks, at, between, sums)
-        add_left_out(job.c, room.closed, sums)
+        add_left_out(room.closed, sums)
         count[STRETCHES] += 1
         count[BEGIN] += part
         count[LONG] += most >= MANY_IMPACTS
@@ -151,7 +151,7 @@ def follow_stretches(
             for p in range(every.last.shape[1]):
                 every.last[0, p] -= PERIOD
             for p in range(paths):
-                for mesh in range(2):
+                for mesh in range(struck.shape[1]):
                     struck[p, mesh] -= PERIOD
             if (until - count[PERIODS]) % length == 0:
                 sums.batch[0] += 1
@@ -173,19 +173,17 @@ def _spread_starts(
 
     What all paths have in common at the end is then not what they had in common at the start.
 
-    Shapes: `state`, `walls` (4, paths).
+    Shapes: `state`, `walls` (2 wheels, paths).
     """
-    c = scene.constants
     others = slice(1 if first == 0 else 0, None)
-    speed = min(c.wall1, c.wall2 if scene.stages == 2 else c.wall1) / time_scales(scene).crossing
+    speed = float(scene.constants.wheels["wall"].min()) / time_scales(scene).crossing
     speed = speed if 0.0 < speed < math.inf else 1.0
     rng = np.random.default_rng(np.random.SeedSequence([*seed.generate_state(4), first]))
-    u = rng.uniform(size=(4, walls.shape[1]))
-    for stage in range(scene.stages):
-        high = walls[2 * stage]
-        low = walls[2 * stage + 1]
-        state[2 * stage, others] = (-low + (0.01 + 0.98 * u[2 * stage]) * (high + low))[others]
-        state[2 * stage + 1, others] = (speed * (2.0 * u[2 * stage + 1] - 1.0))[others]
+    u = rng.uniform(size=walls.shape)
+    high = walls[0::2]
+    low = walls[1::2]
+    state[0::2, others] = (-low + (0.01 + 0.98 * u[0::2]) * (high + low))[:, others]
+    state[1::2, others] = (speed * (2.0 * u[1::2] - 1.0))[:, others]
 
 
 class Walk:
@@ -203,6 +201,7 @@ class Walk:
         self.first = first
         self.paths = paths
         self.steps = steps_per_period(scene)
+        self._columns = columns_recorded(scene.stages)
         dt = PERIOD / self.steps
         plan = Plan(scene, paths, 0, dt, "exact-flight", seed, 0, np.empty(0, np.int64), {}, 1)
         job, every, room = begin_block(plan, first, paths)
@@ -217,13 +216,13 @@ class Walk:
             every=every,
             room=room,
             state=state.T.copy(),
-            struck=np.full((paths, 2), scene.phase),
-            samples=np.empty((1, paths, SAMPLES + 1, 4)),
-            none=np.zeros((0, 1, COLUMNS)),
+            struck=np.full((paths, scene.stages), scene.phase),
+            samples=np.empty((1, paths, SAMPLES + 1, 2 * scene.stages)),
+            none=np.zeros((0, 1, self._columns)),
             counters=np.zeros(4, np.int64),
         )
         self._fixed = self._instants(self.steps)
-        self._rows = np.empty((1, paths, IMPACT_ROOM, COLUMNS))
+        self._rows = np.empty((1, paths, IMPACT_ROOM, self._columns))
 
     def leave_out(self, most: float) -> None:
         """Hold meshes closed from now on while impacts that are not slow have at most this rate
@@ -255,7 +254,7 @@ class Walk:
             struck = b.struck.copy()
             most = follow_stretches(b, rows, self._fixed, at_once, until, length, sums)
             if most:  # again with the same random numbers, and space for all impacts
-                rows = np.empty((1, self.paths, 2 * most, COLUMNS))
+                rows = np.empty((1, self.paths, 2 * most, self._columns))
                 continue
             if seen is not None:
                 impacts = b.every.impacts[0, : self.paths]

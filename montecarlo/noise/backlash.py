@@ -3,6 +3,8 @@ section 4)."""
 
 from typing import NamedTuple
 
+import numpy as np
+
 from rattle.montecarlo.noise.philox import CONTACT, Key, Word, normals, uniforms
 from rattle.scene import Floats, Scene, Tolerance
 from rattle.scene.compiled import lean, lean_internal
@@ -15,10 +17,8 @@ ATTEMPTS = Word(64)  # rejection sampling of the truncated normal, which accepts
 class Backlash(NamedTuple):
     """Half gaps and their tolerance, as compiled code reads them."""
 
-    gap1: float  # gap1, gap2: nominal half gaps
-    gap2: float
-    c1_max: float  # c1_max, c2_max: largest deviation of a half gap
-    c2_max: float
+    gap: Floats  # nominal half gaps; (wheels,)
+    c_max: Floats  # largest deviation of a half gap; (wheels,)
     distribution: int  # 0 fixed, 1 uniform, 2 truncated normal
     random: bool  # whether half gaps differ between paths
     redrawn: bool  # whether an impact redraws the opposite flank
@@ -29,9 +29,8 @@ def backlash_of(scene: Scene) -> Backlash:
     t = scene.tolerance or Tolerance(distribution="fixed")
     kind = DISTRIBUTION_CODES[t.distribution]
     random = t.distribution != "fixed"
-    return Backlash(
-        scene.gap1, scene.gap2, t.c1_max, t.c2_max, kind, random, random and t.draw == "contact"
-    )
+    gap, c_max = np.array([(wheel.gap, wheel.tolerance) for wheel in scene.tree]).T.copy()
+    return Backlash(gap, c_max, kind, random, random and t.draw == "contact")
 
 
 @lean_internal
@@ -53,8 +52,9 @@ def _deviation(key: Key, path: Word, contact: Word, distribution: int) -> float:
 @lean_internal
 def half_gap(b: Backlash, key: Key, path: Word, contact: Word, mesh: int) -> float:
     """Half gap of a flank by draw number `contact` of a path."""
-    gap, c_max = (b.gap1, b.c1_max) if mesh == 1 else (b.gap2, b.c2_max)
-    return gap + c_max * _deviation(key, path, contact, b.distribution)
+    deviation = _deviation(key, path, contact, b.distribution)
+    gap: float = b.gap[mesh - 1] + b.c_max[mesh - 1] * deviation
+    return gap
 
 
 @lean_internal
@@ -67,12 +67,12 @@ def first_half_gap(b: Backlash, key: Key, path: Word, flank: int) -> float:
 
 @lean
 def draw_walls(b: Backlash, key: Key, first: int, walls: Floats) -> None:
-    """Distances of the flanks +1, -1, +2, -2 from the middle of their gap at the start, into
+    """Distances of the flanks +1, -1, +2, -2, ... from the middle of their gap at the start, into
     `walls`.
 
-    `walls`: Output.  Draws 0 to 3 belong to the flanks; impact k uses draw 4 + k. Shapes: `walls`
-    (4, paths).
+    `walls`: Output.  Draws 0 to 3 belong to the flanks of two wheels, or more of more wheels; the
+    draws of the impacts follow. Shapes: `walls` (2 wheels, paths).
     """
-    for flank in range(4):
+    for flank in range(walls.shape[0]):
         for p in range(walls.shape[1]):
             walls[flank, p] = first_half_gap(b, key, Word(first + p), flank)

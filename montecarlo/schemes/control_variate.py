@@ -15,12 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rattle.montecarlo.noise.philox import Word
-from rattle.montecarlo.schemes.lanes import four
-from rattle.montecarlo.schemes.short_flight import kick
-from rattle.montecarlo.schemes.step_state import State
+from rattle.montecarlo.schemes.short_flight import pushed_by
 from rattle.montecarlo.statistics.central_sums import CentralSums
-from rattle.scene import SECTION, Bools, Constants, Floats, Ints, Scene
-from rattle.scene.compiled import inline, lean_internal
+from rattle.scene import Bools, Constants, Floats, Ints, Scene
+from rattle.scene.compiled import lean_internal
 from rattle.scene.flight import field, jacobian
 from rattle.scene.impact import slowest_impact
 from rattle.scene.linear_algebra import product, transform
@@ -34,39 +32,39 @@ FEWEST_OF_A_REGRESSION = 32  # paths of a regression; with three its residuals w
 class LinearPath(NamedTuple):
     """The linearised path as a sequence of linear maps, one for each step, for compiled code.
 
-    The perturbation has five components: of ``x1, y1, x2, y2``, and of the time of the last impact.
+    The perturbation has 2 wheels + 1 components: of the state, and of the time of the last impact.
     """
 
-    carry: Floats  # propagator of the perturbation over a step; (steps, 5, 5)
-    noise: Floats  # effect of the two standard normals of a step; (steps, 2, 5)
+    carry: Floats  # propagator of the perturbation over a step; (steps, components, components)
+    noise: Floats  # effect of the two standard normals of a step; (steps, 2, components)
     # step in which the orbit has each impact; impacts that it does not have are left out;
     # (impacts,)
     at_step: Ints
     # read, read_noise: from the perturbation at the start of that step, and from its normals, to
-    # the section quantities; (impacts, 6, 5) and (impacts, 2, 6)
+    # the section quantities; (impacts, quantities, components) and (impacts, 2, quantities)
     read: Floats
     read_noise: Floats
-    # of the section quantities; zero at impacts that the orbit does not have; (all impacts, 6)
+    # of the section quantities; zero at impacts that the orbit does not have; (all impacts,
+    # quantities)
     variance: Floats
 
 
 def no_control() -> LinearPath:
     """A linearised path without steps and impacts: no control variate."""
-    return _blank_path(0, 0, 0)
+    return _blank_path(0, 0, 0, 1)
 
 
-def _blank_path(steps: int, found: int, impacts: int) -> LinearPath:
+def _blank_path(steps: int, known: int, impacts: int, wheels: int) -> LinearPath:
     """A linearised path to be filled, of so many steps and impacts of the orbit."""
-    carry = np.empty((steps, 5, 5))
-    noise = np.empty((steps, 2, 5))
-    at_step = np.empty(found, np.int64)
+    size = 2 * wheels + 1
+    quantities = 2 * wheels + 2
     return LinearPath(
-        carry,
-        noise,
-        at_step,
-        np.empty((found, 6, 5)),
-        np.empty((found, 2, 6)),
-        np.zeros((impacts, 6)),
+        carry=np.empty((steps, size, size)),
+        noise=np.empty((steps, 2, size)),
+        at_step=np.empty(known, np.int64),
+        read=np.empty((known, quantities, size)),
+        read_noise=np.empty((known, 2, quantities)),
+        variance=np.zeros((impacts, quantities)),
     )
 
 
@@ -75,8 +73,8 @@ class LinearImpact(NamedTuple):
     before."""
 
     tau: float
-    read: Floats  # to the section quantities; (6, 5)
-    carry: Floats  # to the perturbation after it; (5, 5)
+    read: Floats  # to the section quantities; (quantities, components)
+    carry: Floats  # to the perturbation after it; (components, components)
 
 
 def orbit_impacts(scene: Scene, impacts: int) -> list[LinearImpact]:
@@ -88,18 +86,19 @@ def orbit_impacts(scene: Scene, impacts: int) -> list[LinearImpact]:
     for k in range(1, orbit.found + 1):
         mesh = orbit.mesh[k]
         tau = orbit.tau[k]
-        _, y1, _, y2 = orbit.before[k]
-        if abs((y1, y2)[mesh - 1]) < slowest:
+        before = orbit.before[k]
+        if abs(before[2 * mesh - 1]) < slowest:
             break
-        landed = np.eye(4)
-        late = land(field(c, tau, y1, y2), 2 * (mesh - 1), landed)
-        read = np.zeros((len(SECTION), 5))
-        read[:2, :4] = late
-        read[1, 4] = -1.0
-        read[2:, :4] = landed
-        carry = np.zeros((5, 5))
-        carry[:4, :4] = saltation_matrix(c, mesh, tau, y1, y2)
-        carry[4, :4] = late
+        size = before.size
+        landed = np.eye(size)
+        late = land(field(c, tau, before), 2 * (mesh - 1), landed)
+        read = np.zeros((size + 2, size + 1))
+        read[:2, :size] = late
+        read[1, size] = -1.0
+        read[2:, :size] = landed
+        carry = np.zeros((size + 1, size + 1))
+        carry[:size, :size] = saltation_matrix(c, mesh, tau, before)
+        carry[size, :size] = late
         linear.append(LinearImpact(float(tau), read, carry))
     return linear
 
@@ -107,20 +106,16 @@ def orbit_impacts(scene: Scene, impacts: int) -> list[LinearImpact]:
 def _flight(c: Constants, tau: float, begin: float, h: float, span: float) -> tuple[Floats, Floats]:
     """Propagator over a part of a step of length h, from `begin` for `span`, and the effect of the
     step's normals."""
-    carry = np.eye(5)
-    noise = np.zeros((2, 5))
-    carry[:4, :4] = jacobian(c, span)
+    size = 2 * c.wheels.size
+    carry = np.eye(size + 1)
+    noise = np.zeros((2, size + 1))
+    carry[:size, :size] = jacobian(c, span)
     part = span / h
-    increment = np.sqrt(h)
     area = np.sqrt(h / 12.0)
-    noise[0, :4] = kick(c, tau + begin, span, increment * part, 0.0)
-    noise[1, :4] = kick(
-        c,
-        tau + begin,
-        span,
-        12.0 * area * part * ((begin + 0.5 * span) / h - 0.5),
-        area * part * part,
-    )
+    along = area * part
+    inside = 12.0 * along * ((begin + 0.5 * span) / h - 0.5)
+    noise[0, :size] = pushed_by(c, tau + begin, span, np.sqrt(h) * part, 0.0)
+    noise[1, :size] = pushed_by(c, tau + begin, span, inside, along * part)
     return carry, noise
 
 
@@ -134,14 +129,15 @@ def linear_path(scene: Scene, impacts: int, dt: float) -> LinearPath:
         if impact.tau - scene.phase < MOST_LINEAR_STEPS * dt
     ]
     steps = int((orbit[-1].tau - scene.phase) / dt) + 1 if orbit else 0
-    program = _blank_path(steps, len(orbit), impacts)
-    covariance = np.zeros((5, 5))
+    program = _blank_path(steps, len(orbit), impacts, scene.stages)
+    size = 2 * scene.stages + 1
+    covariance = np.zeros((size, size))
     k = 0
     for n in range(steps):
         tau = scene.phase + n * dt
         at = 0.0
-        carry = np.eye(5)
-        noise = np.zeros((2, 5))
+        carry = np.eye(size)
+        noise = np.zeros((2, size))
         first = k
         while k < len(orbit) and (
             orbit[k].tau < tau + dt or n == steps - 1
@@ -173,13 +169,6 @@ def linear_path(scene: Scene, impacts: int, dt: float) -> LinearPath:
     return program
 
 
-@inline
-def _row(m: Floats, v: State) -> float:
-    """Product of a row of a propagator with the perturbation of a state."""
-    total: float = m[0] * v[0] + m[1] * v[1] + m[2] * v[2] + m[3] * v[3]
-    return total
-
-
 @lean_internal
 def carry_along(
     path: LinearPath,
@@ -195,35 +184,38 @@ def carry_along(
 ) -> int:
     """Carry the perturbations of all lanes through step n.
 
-    Shapes: `numbers` (lanes,); `xi` (5, lanes); `w`, `area` (lanes,); `controls` (paths, impacts,
-    COLUMNS).
+    Shapes: `numbers` (lanes,); `xi` (2 components, lanes), of which the second half is scratch;
+    `w`, `area` (lanes,); `controls` (paths, impacts, columns).
     """
     while done < path.at_step.size and path.at_step[done] == n:
         read = path.read[done]
         noise = path.read_noise[done]
         for p in range(live):
             row = int(numbers[p]) - first
-            for i in range(6):
+            for i in range(read.shape[0]):
                 total = noise[0, i] * w[p] + noise[1, i] * area[p]
-                for j in range(5):
+                for j in range(read.shape[1]):
                     total += read[i, j] * xi[j, p]
                 controls[row, done, i] = total
         done += 1
     if done < path.at_step.size:
         carry = path.carry[n]
         noise = path.noise[n]
-        x1, y1, x2, y2 = four(xi)
-        last = xi[4]
-        for p in range(live):
-            state = x1[p], y1[p], x2[p], y2[p]
-            x1[p] = _row(carry[0], state)
-            y1[p] = _row(carry[1], state)
-            x2[p] = _row(carry[2], state)
-            y2[p] = _row(carry[3], state)
-            last[p] = _row(carry[4], state) + carry[4, 4] * last[p]
-        for i in range(5):
+        size = carry.shape[0]
+        for i in range(size):
+            out = xi[size + i]
             for p in range(live):
-                xi[i, p] += noise[0, i] * w[p] + noise[1, i] * area[p]
+                out[p] = noise[0, i] * w[p] + noise[1, i] * area[p]
+            for j in range(size):
+                factor = carry[i, j]
+                part = xi[j]
+                if factor == 0.0:
+                    continue
+                for p in range(live):
+                    out[p] += factor * part[p]
+        for i in range(size):
+            for p in range(live):
+                xi[i, p] = xi[size + i, p]
     return done
 
 
@@ -239,7 +231,7 @@ def estimate_controlled(sums: CentralSums, variance: Floats) -> dict[str, Floats
     flights.
 
     `sums`: Of the quantity (first) and the control variate (second), orders `PAIR`, shape (impacts,
-    quantities of `SECTION`). Shapes: `variance` (impacts, quantities); result (impacts,
+    section quantities). Shapes: `variance` (impacts, quantities); result (impacts,
     quantities).
     """
     n = sums.n

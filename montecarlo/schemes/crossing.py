@@ -9,17 +9,14 @@ has no impact.
 """
 
 import math
-from typing import Any
 
 from rattle.montecarlo.schemes.short_flight import Phase
-from rattle.montecarlo.schemes.step_state import State, Walls, flanks_of, of_mesh
-from rattle.scene import Constants
-from rattle.scene.compiled import inline, lean, lean_internal
+from rattle.montecarlo.schemes.step_state import parent_deviation
+from rattle.scene import Constants, Floats
+from rattle.scene.compiled import inline, lean_internal
 from rattle.scene.drive import (
     highest_order,
     most_acceleration,
-    most_modulation,
-    most_modulation_rate,
     most_velocity,
 )
 
@@ -37,29 +34,36 @@ SETTLED_ROOT = 1e-8  # relative change of a root at which its search ends
 CUBIC_PIECES = 8  # of the interval in which the first zero of a cubic that turns is looked for
 
 
-@lean
-def margins(c: Constants, phase: Phase, h: float) -> tuple[float, float]:
-    """Margins on the inner Bernstein coefficients of both stages' cubics, for noise and for the
+@inline
+def margin_of(c: Constants, phase: Phase, h: float, i: int) -> float:
+    """Margin on the inner Bernstein coefficients of a gap's cubic, for noise and for the
     interpolation error.
 
-    A stage has no impact if its coefficients stay away from the walls by its margin.  The noise is
-    taken at its largest modulation in this time, not at its largest ever: where the modulation
-    vanishes, a path that sticks to its wall must not be cut as if it were noisy.
+    A gap has no impact if its coefficients stay away from the walls by it.  The noise is taken at
+    its largest modulation in this time, not at its largest ever: where the modulation vanishes, a
+    path that sticks to its wall must not be cut as if it were noisy.
     """
+    wheel = c.wheels[i]
+    # of the wheel, or of the parent whose noise acts on the gap between both
+    beta = wheel.beta
+    share = wheel.turn
+    force = c.alpha * wheel.turn * wheel.modulation + abs(wheel.drag)
+    if wheel.parent >= 0:
+        beta = c.wheels[wheel.parent].beta
+        share = abs(wheel.first)
+        force += wheel.ratio * c.wheels[wheel.parent].gamma
+    now = abs(beta * phase[1] - phase[0])
+    modulation = min(wheel.modulation, now + h * wheel.modulation_rate)
+    if wheel.parent >= 0:
+        driver = min(most_velocity(c.drive), abs(phase[1]) + h * most_acceleration(c.drive))
+        modulation = driver + h * modulation
     spread = MARGIN_SDS * abs(c.sigma) * h * math.sqrt(h) * SCALE
-    most = most_modulation(c.drive, c.beta1)  # of y1
-    first = min(
-        most, abs(c.beta1 * phase[1] - phase[0]) + h * most_modulation_rate(c.drive, c.beta1)
-    )
-    driver = min(most_velocity(c.drive), abs(phase[1]) + h * most_acceleration(c.drive))
-    # the last term: noise of y1 acting on y2
-    second = abs(c.beta1 - c.beta2) * (driver + h * first)
-    force = c.alpha * most + c.gamma1 + c.gamma2
-    stiff = highest_order(c.drive) + max(c.beta1, c.beta2)
+    stiff = highest_order(c.drive) + max(beta, wheel.beta)
     square = h * h
     # Hermite error: h^4 / 384 times the 4th derivative
-    bend = square * square / 96.0 * force * (stiff * stiff)
-    return spread * first + bend, spread * second + bend
+    bend: float = square * square / 96.0 * force * (stiff * stiff)
+    noise: float = spread * share * modulation
+    return noise + bend
 
 
 @inline
@@ -118,7 +122,7 @@ def first_root(a: float, b: float, c: float, d: float) -> float:
     return guess
 
 
-@lean_internal
+@inline
 def _cut_at(
     gap0: float,
     rate0: float,
@@ -143,29 +147,25 @@ def _cut_at(
 
 
 @inline
-def _square_modulation(drive: Any, beta: float) -> float:
-    """Bound on the squared modulation of y1."""
-    return 1.0 + beta * beta if len(drive) == 0 else most_modulation(drive, beta) ** 2
-
-
-@inline
-def noise_free_reach(c: Constants, mesh: int, speed: float, other: float, wall: float) -> float:
-    """Distance from its wall within which a path is taken to fly on without noise; `other` is the
-    other stage's speed.
+def noise_free_reach(c: Constants, i: int, speed: float, other: float) -> float:
+    """Distance from its wall within which a gap is taken to fly on without noise; `other` is the
+    deviation of the parent's speed.
 
     The noise left out acts later by the time of that flight, after the impact instead of before:
     below 1e-6 of a variance at `NEAR_WALL`.
     """
-    most = _square_modulation(c.drive, c.beta1)
-    if mesh == 1:
-        force = c.alpha * math.sqrt(most) + c.gamma1 + c.beta1 * abs(speed)
+    wheel = c.wheels[i]
+    modulation = wheel.turn * wheel.modulation
+    most = modulation * modulation
+    force = abs(wheel.drag) + wheel.beta * abs(speed)
+    if wheel.parent < 0:
+        force += c.alpha * modulation
     else:
-        pull = abs(c.beta1 - c.beta2) * (c.alpha * most_velocity(c.drive) + abs(other))
-        force = pull + abs(c.gamma1 - c.gamma2) + c.beta2 * abs(speed)
+        force += abs(wheel.first) * c.alpha * most_velocity(c.drive) + abs(wheel.coupling * other)
     noisy = (STEADY * STEADY) * c.sigma * c.sigma * most
     bent = force / STRAIGHT
     square = speed * speed
-    near = NEAR_WALL * wall
+    near: float = NEAR_WALL * wheel.wall
     if square * abs(speed) < noisy * near or square < bent * near:
         near = min(
             square * abs(speed) / noisy if noisy > 0.0 else near,
@@ -175,28 +175,19 @@ def noise_free_reach(c: Constants, mesh: int, speed: float, other: float, wall: 
 
 
 @inline
-def _cut_stage(
-    c: Constants, mesh: int, s: State, end: State, h: float, margin: float, walls: Walls
-) -> float:
-    """Share of a trial at which to cut it, over both walls of a stage; an end within the reach of a
-    noise-free flight counts as an impact."""
-    x0, y0, _ = of_mesh(mesh, s)
-    x1, y1, other = of_mesh(mesh, end)
-    high, low = flanks_of(mesh, walls)
-    wall = c.wall1 if mesh == 1 else c.wall2
-    rest = CLOSE_TO_WALL * wall
-    close = noise_free_reach(c, mesh, y1, other, wall)
-    return min(
-        _cut_at(high - x0, -y0, high - x1, -y1, h, margin, rest, close),
-        _cut_at(low + x0, y0, low + x1, y1, h, margin, rest, close),
-    )
-
-
-@inline
-def cut_share(c: Constants, phase: Phase, s: State, end: State, h: float, walls: Walls) -> float:
-    """Share of a trial at which to cut it, over all walls."""
-    margin1, margin2 = margins(c, phase, h)
-    cut = _cut_stage(c, 1, s, end, h, margin1, walls)
-    if c.stages == 2:
-        cut = min(cut, _cut_stage(c, 2, s, end, h, margin2, walls))
-    return cut
+def cut_share(c: Constants, phase: Phase, s: Floats, end: Floats, h: float, walls: Floats) -> float:
+    """Share of a trial at which to cut it, over all walls; an end within the reach of a noise-free
+    flight counts as an impact."""
+    share = 1.0
+    for i in range(c.wheels.size):
+        margin = margin_of(c, phase, h, i)
+        x0 = s[2 * i]
+        y0 = s[2 * i + 1]
+        x1 = end[2 * i]
+        y1 = end[2 * i + 1]
+        rest = CLOSE_TO_WALL * c.wheels[i].wall
+        close = noise_free_reach(c, i, y1, parent_deviation(c, end, i))
+        high = _cut_at(walls[2 * i] - x0, -y0, walls[2 * i] - x1, -y1, h, margin, rest, close)
+        low = walls[2 * i + 1]
+        share = min(share, high, _cut_at(low + x0, y0, low + x1, y1, h, margin, rest, close))
+    return share

@@ -10,10 +10,10 @@ from functools import partial
 from typing import NamedTuple
 
 from rattle.montecarlo.noise.brownian import Noise
-from rattle.montecarlo.schemes.lanes import Lanes, four, join_increments
+from rattle.montecarlo.schemes.lanes import Lanes, fill_speeds, join_increments
 from rattle.montecarlo.schemes.scheme import Scheme
 from rattle.montecarlo.schemes.short_flight import Phase, no_phase
-from rattle.montecarlo.schemes.step_state import Inside, Progress, Walls, put_on_wall
+from rattle.montecarlo.schemes.step_state import Inside, Progress, Scratch, put_on_wall
 from rattle.montecarlo.schemes.sticking import stay, stays_open
 from rattle.montecarlo.schemes.time_scales import (
     MEMORY_REASON,
@@ -24,108 +24,153 @@ from rattle.montecarlo.schemes.time_scales import (
 )
 from rattle.scene import Bools, Constants, Floats, Scene
 from rattle.scene.compiled import fma, inline, lean, lean_internal, splice, widest_vectors
-from rattle.scene.drive import highest_order
-from rattle.scene.flight import noise_rate
+from rattle.scene.drive import highest_order, velocity_acceleration
 
-
-class StepForcing(NamedTuple):
-    """The part of a step that is the same for every path: ``y_i += push_i + kick_i z``, z standard
-    normal."""
-
-    push1: float  # push1, push2: drift by excitation and drag, over the step
-    kick1: float  # kick1, kick2: effect of a unit normal
-    push2: float
-    kick2: float
+PUSH = 0  # columns of a step's forcing: drift by excitation and drag over the step,
+KICK = 1  # and effect of a unit normal
 
 
 @lean
-def step_forcing(c: Constants, tau: float, h: float) -> StepForcing:
-    """Forcing of an Euler-Maruyama step of length h at `tau` (Eq. 5)."""
-    m1, m2 = noise_rate(c, tau)
+def step_forcing(c: Constants, tau: float, h: float, forcing: Floats) -> None:
+    """Forcing of an Euler-Maruyama step of length h at `tau` (Eq. 5): the part that is the same for
+    every path."""
+    first, second = velocity_acceleration(c.drive, tau)
     root = c.sigma * math.sqrt(h)
-    return StepForcing(
-        h * (c.gamma1 + c.alpha * m1),
-        root * m1,
-        h * (c.gamma1 - c.gamma2 + c.alpha * m2),
-        root * m2,
-    )
+    for i in range(c.wheels.size):
+        wheel = c.wheels[i]
+        m = wheel.second * second + wheel.first * first
+        forcing[i, PUSH] = h * (wheel.drag + c.alpha * m)
+        forcing[i, KICK] = root * m
+
+
+class GapStep(NamedTuple):
+    """What a step makes of a gap, the same for all lanes."""
+
+    h: float  # length
+    keep: float  # share of the rate that is kept
+    pull: float  # of the deviation of the parent's speed
+    push: float  # push, kick: see the forcing
+    kick: float
+    wall: float
+    toleranced: bool  # whether the flanks of each lane are its own
+    seen: bool  # whether other gaps have marked lanes in this step
 
 
 @inline
-def euler_step(
-    c: Constants, f: StepForcing, h: float, x1: float, y1: float, x2: float, y2: float, z: float
-) -> tuple[float, float, float, float]:
-    """One Euler-Maruyama step of Eq. 5 without walls."""
-    keep1 = 1.0 - h * c.beta1
-    keep2 = 1.0 - h * c.beta2
-    pull = h * (c.beta2 - c.beta1)
-    return (
-        fma(h, y1, x1),
-        fma(keep1, y1, fma(f.kick1, z, f.push1)),
-        fma(h, y2, x2),
-        fma(keep2, y2, fma(pull, y1, fma(f.kick2, z, f.push2))),
-    )
+def _step_gap(
+    f: GapStep,
+    x: Floats,
+    y: Floats,
+    v: Floats,
+    z: Floats,
+    high: Floats,
+    low: Floats,
+    beyond: Bools,
+) -> None:
+    """One step of a gap in all lanes, in place.  Vectorises: what is written is read nowhere
+    else."""
+    for p in range(beyond.size):
+        rate = y[p]
+        at = fma(f.h, rate, x[p])
+        x[p] = at
+        y[p] = fma(f.keep, rate, fma(f.pull, v[p], fma(f.kick, z[p], f.push)))
+        out = (at > high[p]) | (-at > low[p]) if f.toleranced else abs(at) > f.wall
+        beyond[p] = out | (f.seen & beyond[p])
 
 
 @lean_internal
 def plain_lanes(
     c: Constants,
-    f: StepForcing,
+    forcing: Floats,
     h: float,
     toleranced: bool,
     walls: Floats,
     state: Floats,
+    speeds: Floats,
     z: Floats,
     beyond: Bools,
 ) -> None:
-    """One step of as many lanes as `beyond` has, in place; marks those that are beyond a wall at
-    its end.  Vectorises.
+    """One Euler-Maruyama step of Eq. 5 without walls, of as many lanes as `beyond` has, in place;
+    marks those that are beyond a wall at its end.
 
-    `walls` is read only if they are toleranced. Shapes: `walls`, `state` (4, lanes or more); `z`
-    (lanes or more,).
+    Children before their parents, whose speeds at the start of the step they need.  `walls` is read
+    only if they are toleranced. Shapes: `walls`, `state` (2 wheels, lanes or more); `speeds`
+    (wheels, lanes or more); `z` (lanes or more,).
     """
     widest_vectors()
-    x1, y1, x2, y2 = four(state)
-    high1, low1, high2, low2 = four(walls)
-    if c.stages == 1:
-        for p in range(beyond.size):
-            x1[p], y1[p], _, _ = euler_step(c, f, h, x1[p], y1[p], 0.0, 0.0, z[p])
-            high, low = (high1[p], low1[p]) if toleranced else (c.wall1, c.wall1)
-            beyond[p] = (x1[p] > high) | (-x1[p] > low)
-        return
-    for p in range(beyond.size):
-        new = euler_step(c, f, h, x1[p], y1[p], x2[p], y2[p], z[p])
-        x1[p], y1[p], x2[p], y2[p] = new
-        high, low = (high1[p], low1[p]) if toleranced else (c.wall1, c.wall1)
-        other, under = (high2[p], low2[p]) if toleranced else (c.wall2, c.wall2)
-        beyond[p] = (new[0] > high) | (-new[0] > low) | (new[2] > other) | (-new[2] > under)
+    fill_speeds(c, state, speeds, beyond.size)
+    last = c.wheels.size - 1
+    for i in range(last, -1, -1):
+        wheel = c.wheels[i]
+        parent = wheel.parent
+        f = GapStep(
+            h,
+            1.0 - h * wheel.beta,
+            h * wheel.coupling,
+            forcing[i, PUSH],
+            forcing[i, KICK],
+            wheel.wall,
+            toleranced,
+            i != last,
+        )
+        x = state[2 * i]
+        y = state[2 * i + 1]
+        high = walls[2 * i]
+        low = walls[2 * i + 1]
+        if parent < 0:  # coupling is 0, so that any vector does
+            _step_gap(f, x, y, z, z, high, low, beyond)
+        elif c.wheels[parent].parent < 0:
+            _step_gap(f, x, y, state[2 * parent + 1], z, high, low, beyond)
+        else:
+            _step_gap(f, x, y, speeds[parent], z, high, low, beyond)
 
 
 @splice
 def step_lanes(
-    c: Constants, tau: float, h: float, toleranced: bool, lanes: Lanes, marks: Bools, live: int
+    c: Constants,
+    tau: float,
+    h: float,
+    toleranced: bool,
+    lanes: Lanes,
+    scratch: Scratch,
+    marks: Bools,
+    live: int,
 ) -> None:
     """One step of all lanes; marks those that are beyond a wall at its end."""
-    forcing = step_forcing(c, tau, h)
-    plain_lanes(c, forcing, h, toleranced, lanes.walls, lanes.state, lanes.w, marks[:live])
+    step_forcing(c, tau, h, scratch.forcing)
+    plain_lanes(
+        c,
+        scratch.forcing,
+        h,
+        toleranced,
+        lanes.walls,
+        lanes.state,
+        scratch.speeds,
+        lanes.w,
+        marks[:live],
+    )
 
 
 @splice
-def advance(
-    inside: Inside, met: int, at: Progress, phase: Phase, walls: Walls
-) -> tuple[Progress, Phase]:
+def advance(inside: Inside, met: int, at: Progress, phase: Phase) -> tuple[Progress, Phase]:
     """Go to the impact that is due at the end of the step: the path is put back on the wall that it
     is beyond, outward.
 
-    Mesh 1 before mesh 2.  Branch-free.
+    The first mesh first; another impact may be due after it.
     """
-    x1, y1, x2, y2 = at.state
-    first = int((x1 > walls.high1) & (y1 > 0.0)) - int((x1 < -walls.low1) & (y1 < 0.0))
-    second = int((x2 > walls.high2) & (y2 > 0.0)) - int((x2 < -walls.low2) & (y2 < 0.0))
-    code = first if first != 0 else (2 * second if inside.c.stages == 2 else 0)
-    x1, x2 = put_on_wall(x1, x2, code, walls)
-    left = at.left if code != 0 else 0.0  # another impact may be due after this one
-    return Progress(code, at.tau, left, Noise(0.0, 0.0), (x1, y1, x2, y2)), phase
+    s = inside.scratch.state
+    walls = inside.scratch.walls
+    code = 0
+    for i in range(inside.scratch.wheels - 1, -1, -1):
+        x = s[2 * i]
+        y = s[2 * i + 1]
+        above = int((x > walls[2 * i]) & (y > 0.0))
+        side = above - int((x < -walls[2 * i + 1]) & (y < 0.0))
+        code = side * (i + 1) if side != 0 else code
+    if code != 0:
+        put_on_wall(s, code, walls)
+    left = at.left if code != 0 else 0.0
+    return Progress(code, at.tau, left, Noise(0.0, 0.0)), phase
 
 
 def longest_euler_step(scene: Scene) -> Limit:

@@ -19,11 +19,11 @@ from rattle.montecarlo.schemes.crossing import (
     CLOSE_TO_WALL,
     NEAR_WALL,
     cut_share,
-    margins,
+    margin_of,
     near_wall,
     noise_free_reach,
 )
-from rattle.montecarlo.schemes.lanes import Lanes, four, join_halves
+from rattle.montecarlo.schemes.lanes import Lanes, fill_speeds, join_halves
 from rattle.montecarlo.schemes.scheme import Scheme
 from rattle.montecarlo.schemes.short_flight import (
     Phase,
@@ -34,23 +34,23 @@ from rattle.montecarlo.schemes.short_flight import (
     third_of,
 )
 from rattle.montecarlo.schemes.step_state import (
+    FREE,
     MOST_IN_A_STEP,
     SPLITS,
     TOGETHER,
     Inside,
     Progress,
-    State,
-    Walls,
+    Scratch,
     clip,
-    flanks_of,
-    of_mesh,
+    copy_state,
+    due_side,
+    parent_deviation,
     put_on_wall,
 )
 from rattle.montecarlo.schemes.sticking import (
     close_meshes,
     find_closed,
-    join_closed,
-    open_part,
+    leave_bodies,
     stick_to_end,
 )
 from rattle.montecarlo.schemes.time_scales import (
@@ -61,167 +61,241 @@ from rattle.montecarlo.schemes.time_scales import (
     time_scales,
 )
 from rattle.scene import Bools, Constants, Floats, Scene
-from rattle.scene.compiled import inline, lean, lean_internal, splice
+from rattle.scene.compiled import inline, lean, lean_internal, not_inlined, splice
 from rattle.scene.damping import pair
 from rattle.scene.drive import highest_order
+from rattle.scene.sticking import put_open, take_open
 
 MOST_CUTS = 1000  # per step; then the path is clipped to its walls
 # shortest trial, relative to the time: two units in its last place, so that time goes on
 TICK = 5e-16
 # random numbers of one call of `advance_exactly`, of those that are reserved for a step
 CUTS_APART = SPLITS // Word(MOST_IN_A_STEP + 1)
+CALLS = MOST_IN_A_STEP + 2  # calls that these serve
+# of the index of a random number: more calls, for more than two wheels, have it in the bits above
+MORE_CALLS = Word(58)
 
 
-class FlightForcing(NamedTuple):
-    """A step of all lanes: ``s' = J s + drift + z_w along + z_a across``, and the margins of the
-    walls."""
-
-    # entries of the flight's Jacobian J that are neither 0 nor 1: of x1 and y1 by y1, x2 by y1 and
-    # y2, y2 by y1 and y2
-    carry: tuple[float, float, float, float, float, float]
-    drift: State  # effect of excitation and drag on ``(x1, y1, x2, y2)``
-    along: State  # along, across: effect of a unit normal for the increment, and for the area
-    across: State
-    # margin1, margin2: of both stages, see `rattle.montecarlo.schemes.crossing.margins`
-    margin1: float
-    margin2: float
+CARRY = 0
+"""First of the columns of a step's forcing: what the rate adds to displacement and rate, what the
+deviation of the parent's speed does, then of excitation and drag, of a unit normal for the
+increment, and of one for the area, on displacement and rate; and the margin of the walls."""
+DRIFT = 4
+ALONG = 6
+ACROSS = 8
+MARGIN = 10
 
 
 @lean
-def flight_forcing(c: Constants, tau: float, h: float) -> FlightForcing:
-    """Everything in a step that is the same for all paths."""
-    p = pair(c.beta1, c.beta2, h)
+def flight_forcing(c: Constants, tau: float, h: float, scratch: Scratch) -> None:
+    """Write everything in a step that is the same for all paths, into ``scratch.forcing``."""
     phase = phase_at(c.drive, tau)
-    margin1, margin2 = margins(c, phase, h)
-    drift, _ = short_flight(c, phase, h, (0.0, 0.0, 0.0, 0.0), 0.0, 0.0)
-    along = kick(c, tau, h, math.sqrt(h), 0.0)
-    across = kick(c, tau, h, 0.0, math.sqrt(h / 12.0))
-    return FlightForcing(
-        (p.e1, p.d1, p.e12, p.e2, p.d12, p.d2), drift, along, across, margin1, margin2
-    )
+    forcing = scratch.forcing
+    end = scratch.end
+    kick(c, tau, h, math.sqrt(h), 0.0, scratch.series, end)
+    _put_column(forcing, ALONG, end)
+    kick(c, tau, h, 0.0, math.sqrt(h / 12.0), scratch.series, end)
+    _put_column(forcing, ACROSS, end)
+    for i in range(end.size):
+        end[i] = 0.0
+    short_flight(c, c.alpha, 1.0, phase, h, end, 0.0, 0.0, scratch.series, end)
+    _put_column(forcing, DRIFT, end)
+    for i in range(c.wheels.size):
+        wheel = c.wheels[i]
+        parent = wheel.parent if wheel.parent >= 0 else i
+        p = pair(c.wheels[parent].beta, wheel.beta, h)
+        forcing[i, CARRY] = p.e2
+        forcing[i, CARRY + 1] = p.d2
+        # k (e_p - e_i) and k (d_p - d_i)
+        carried = wheel.ratio if wheel.parent >= 0 else 0.0
+        forcing[i, CARRY + 2] = carried * p.e12
+        forcing[i, CARRY + 3] = carried * p.d12
+        forcing[i, MARGIN] = margin_of(c, phase, h, i)
 
 
 @inline
-def first_stage(
-    f: FlightForcing, x1: float, y1: float, z: float, area: float
-) -> tuple[float, float]:
-    """Stage 1 after a step, ignoring the walls."""
-    return (
-        x1 + f.carry[0] * y1 + (f.drift[0] + f.along[0] * z + f.across[0] * area),
-        f.carry[1] * y1 + (f.drift[1] + f.along[1] * z + f.across[1] * area),
-    )
+def _put_column(forcing: Floats, column: int, state: Floats) -> None:
+    """Write a state, by gap, into two columns of the forcing."""
+    for i in range(forcing.shape[0]):
+        forcing[i, column] = state[2 * i]
+        forcing[i, column + 1] = state[2 * i + 1]
+
+
+class GapFlight(NamedTuple):
+    """What a step makes of a gap, the same for all lanes."""
+
+    third: float  # a third of its length
+    carry: tuple[float, float]  # of the rate, on displacement and rate
+    others: tuple[float, float]  # of the deviation of the parent's speed
+    drift: tuple[float, float]
+    along: tuple[float, float]
+    across: tuple[float, float]
+    margin: float
+    wall: float
+    toleranced: bool  # whether the flanks of each lane are its own
+    seen: bool  # whether other gaps have marked lanes in this step
 
 
 @inline
-def second_stage(
-    f: FlightForcing, x2: float, y1: float, y2: float, z: float, area: float
-) -> tuple[float, float]:
-    """Stage 2 after a step, ignoring the walls."""
-    return (
-        x2
-        + (f.carry[2] * y1 + f.carry[3] * y2 + (f.drift[2] + f.along[2] * z + f.across[2] * area)),
-        f.carry[4] * y1 + f.carry[5] * y2 + (f.drift[3] + f.along[3] * z + f.across[3] * area),
-    )
+def _fly_gap(
+    f: GapFlight,
+    x: Floats,
+    y: Floats,
+    x_before: Floats,
+    y_before: Floats,
+    v: Floats,
+    z: Floats,
+    area: Floats,
+    highs: Floats,
+    lows: Floats,
+    near: Bools,
+) -> None:
+    """One step of a gap in all lanes, in place.  Vectorises: what is written is read nowhere
+    else."""
+    for p in range(near.size):
+        x0 = x[p]
+        y0 = y[p]
+        forced = f.drift[0] + f.along[0] * z[p] + f.across[0] * area[p]
+        end = x0 + (f.others[0] * v[p] + f.carry[0] * y0 + forced)
+        driven = f.drift[1] + f.along[1] * z[p] + f.across[1] * area[p]
+        rate = f.others[1] * v[p] + f.carry[1] * y0 + driven
+        high = highs[p] if f.toleranced else f.wall
+        low = lows[p] if f.toleranced else f.wall
+        meets = near_wall(f.third, x0, y0, end, rate, high, low, f.margin)
+        near[p] = meets | (f.seen & near[p])
+        x_before[p] = x0
+        y_before[p] = y0
+        x[p] = end
+        y[p] = rate
 
 
 @lean_internal
 def step_lanes(
-    c: Constants, tau: float, h: float, toleranced: bool, lanes: Lanes, near: Bools, live: int
+    c: Constants,
+    tau: float,
+    h: float,
+    toleranced: bool,
+    lanes: Lanes,
+    scratch: Scratch,
+    marks: Bools,
+    live: int,
 ) -> None:
     """One step of all lanes in place, ignoring the walls; marks those that may have an impact.
-    Vectorises.
 
-    The flanks of the lanes are read only if they are toleranced.
+    Children before their parents, whose speeds at the start of the step they need.  The flanks of
+    the lanes are read only if they are toleranced.
     """
-    f = flight_forcing(c, tau, h)
+    flight_forcing(c, tau, h, scratch)
+    state = lanes.state
+    before = lanes.before
+    walls = lanes.walls
+    near = marks[:live]
     z = lanes.w
     area = lanes.area
-    x1, y1, x2, y2 = four(lanes.state)
-    x1_before, y1_before, x2_before, y2_before = four(lanes.before)
-    high1, low1, high2, low2 = four(lanes.walls)
-    third = h / 3.0
-    for p in range(live):
-        x = x1[p]
-        y = y1[p]
-        end, speed = first_stage(f, x, y, z[p], area[p])
-        high, low = (high1[p], low1[p]) if toleranced else (c.wall1, c.wall1)
-        meets = near_wall(third, x, y, end, speed, high, low, f.margin1)
-        x1_before[p] = x
-        y1_before[p] = y
-        x1[p] = end
-        y1[p] = speed
-        if c.stages == 2:
-            u = x2[p]
-            v = y2[p]
-            end, speed = second_stage(f, u, y, v, z[p], area[p])
-            high, low = (high2[p], low2[p]) if toleranced else (c.wall2, c.wall2)
-            meets |= near_wall(third, u, v, end, speed, high, low, f.margin2)
-            x2_before[p] = u
-            y2_before[p] = v
-            x2[p] = end
-            y2[p] = speed
-        near[p] = meets
+    fill_speeds(c, state, scratch.speeds, live)
+    last = c.wheels.size - 1
+    for i in range(last, -1, -1):
+        wheel = c.wheels[i]
+        parent = wheel.parent
+        row = scratch.forcing[i]
+        f = GapFlight(
+            h / 3.0,
+            (row[CARRY], row[CARRY + 1]),
+            (row[CARRY + 2], row[CARRY + 3]),
+            (row[DRIFT], row[DRIFT + 1]),
+            (row[ALONG], row[ALONG + 1]),
+            (row[ACROSS], row[ACROSS + 1]),
+            row[MARGIN],
+            wheel.wall,
+            toleranced,
+            i != last,
+        )
+        x = state[2 * i]
+        y = state[2 * i + 1]
+        x0 = before[2 * i]
+        y0 = before[2 * i + 1]
+        high = walls[2 * i]
+        low = walls[2 * i + 1]
+        if parent < 0:  # the driver does not deviate, so that any vector does
+            _fly_gap(f, x, y, x0, y0, z, z, area, high, low, near)
+        elif c.wheels[parent].parent < 0:
+            _fly_gap(f, x, y, x0, y0, state[2 * parent + 1], z, area, high, low, near)
+        else:
+            _fly_gap(f, x, y, x0, y0, scratch.speeds[parent], z, area, high, low, near)
 
 
 @splice
-def _due(c: Constants, s: State, walls: Walls) -> tuple[int, float, float]:
+def _due(c: Constants, s: Floats, walls: Floats) -> tuple[int, float, float]:
     """The impact that is due: ``mesh * side``, or 0; the time to its wall; and that to the next
     wall ahead.
 
     Both times are at the present velocity.  The first is that of the flight without noise, zero for
     a path so slow that it must come within `CLOSE_TO_WALL` of its wall, and negative for one that
-    is just beyond it.  Mesh 1 comes before mesh 2 where both are met within `TOGETHER`.
+    is just beyond it.  The first mesh comes first where two are met within `TOGETHER`.
     """
     code = 0
     lead = math.inf
     reach = math.inf
-    for mesh in range(1, c.stages + 1):
-        x, y, other = of_mesh(mesh, s)
-        high, low = flanks_of(mesh, walls)
-        wall = c.wall1 if mesh == 1 else c.wall2
-        gap = high - x if y > 0.0 else low + x
+    for i in range(c.wheels.size):
+        x = s[2 * i]
+        y = s[2 * i + 1]
+        wall = c.wheels[i].wall
+        gap = walls[2 * i] - x if y > 0.0 else walls[2 * i + 1] + x
         if y == 0.0:
             continue
         if gap > NEAR_WALL * wall:
             reach = min(reach, gap / abs(y))
             continue
-        swift = abs(gap) <= noise_free_reach(c, mesh, y, other, wall)
+        swift = abs(gap) <= noise_free_reach(c, i, y, parent_deviation(c, s, i))
         if swift or gap <= CLOSE_TO_WALL * wall:
-            own = gap / abs(y) if swift else 0.0
-            if own < lead - TOGETHER:
-                code = mesh if y > 0.0 else -mesh
-                lead = own
+            time = gap / abs(y) if swift else 0.0
+            if time < lead - TOGETHER:
+                code = i + 1 if y > 0.0 else -(i + 1)
+                lead = time
         else:
             reach = min(reach, gap / abs(y))
     return code, lead, reach
 
 
-@inline
-def _struck(
-    c: Constants, at: Progress, phase: Phase, code: int, lead: float, walls: Walls
+@lean_internal
+def _land(
+    inside: Inside, c: Constants, s: Floats, at: Progress, phase: Phase, code: int, lead: float
 ) -> tuple[Progress, Phase]:
     """The path at the impact that is due, after its flight without noise to the wall: along a
     parabola."""
-    sine = phase[0]
-    cosine = phase[1]
-    third = third_of(c.drive, phase)
-    apart = c.beta1 - c.beta2
-    x1, y1, x2, y2 = at.state
-    rate1 = c.gamma1 - c.beta1 * y1 + c.alpha * (c.beta1 * cosine - sine)
-    rate2 = (c.gamma1 - c.gamma2) - c.beta2 * y2 + apart * (c.alpha * cosine - y1)
-    speed, rate = (y1, rate1) if abs(code) == 1 else (y2, rate2)
-    lead = min(lead - 0.5 * lead * lead * rate / speed, at.left)
+    not_inlined()
+    second = -phase[0]
+    first = phase[1]
+    third = -third_of(c.drive, phase)
+    struck = abs(code) - 1
+    # by wheel, in rows of scratch: deviation of its speed, and the first two derivatives of that
+    v = inside.scratch.series
+    for i in range(c.wheels.size):
+        wheel = c.wheels[i]
+        others = rate_of_others = 0.0
+        if wheel.parent >= 0:
+            others = v[2 + wheel.parent, 0]
+            rate_of_others = v[2 + wheel.parent, 1]
+        m = wheel.second * second + wheel.first * first
+        m_rate = wheel.second * third + wheel.first * second
+        y = s[2 * i + 1]
+        rate = (wheel.drag - wheel.beta * y) + (wheel.coupling * others + c.alpha * m)
+        bend = (wheel.coupling * rate_of_others - wheel.beta * rate) + c.alpha * m_rate
+        carried = wheel.ratio if wheel.parent >= 0 else 0.0
+        v[2 + i, 0] = wheel.sign * y + carried * others
+        v[2 + i, 1] = wheel.sign * rate + carried * rate_of_others
+        v[2 + i, 2] = rate
+        v[2 + i, 3] = bend
+    correction = 0.5 * lead * lead * v[2 + struck, 2] / s[2 * struck + 1]
+    lead = min(lead - correction, at.left)
     half = 0.5 * lead
-    bend1 = c.beta1 * rate1 + c.alpha * (c.beta1 * sine + third)
-    bend2 = c.beta2 * rate2 + apart * (c.alpha * sine + rate1)
-    x1 = x1 + lead * (y1 + half * rate1)
-    y1 = y1 + lead * (rate1 - half * bend1)
-    if c.stages == 2:
-        x2 = x2 + lead * (y2 + half * rate2)
-        y2 = y2 + lead * (rate2 - half * bend2)
+    for i in range(c.wheels.size):
+        rate = v[2 + i, 2]
+        s[2 * i] += lead * (s[2 * i + 1] + half * rate)
+        s[2 * i + 1] += lead * (rate + half * v[2 + i, 3])
     phase = shift_phase(c.drive, phase, lead)
-    x1, x2 = put_on_wall(x1, x2, code, walls)
-    return Progress(code, at.tau + lead, at.left - lead, at.noise, (x1, y1, x2, y2)), phase
+    put_on_wall(s, code, inside.scratch.walls)
+    return Progress(code, at.tau + lead, at.left - lead, at.noise), phase
 
 
 @inline
@@ -251,9 +325,7 @@ def _put(ahead: Floats, top: int, length: float, noise: Noise) -> None:
 
 
 @inline
-def advance_exactly(
-    inside: Inside, met: int, at: Progress, phase: Phase, walls: Walls
-) -> tuple[Progress, Phase]:
+def advance_exactly(inside: Inside, met: int, at: Progress, phase: Phase) -> tuple[Progress, Phase]:
     """Go to the next wall that the path meets in this step, or to the end of the step.
 
     The time left is tried as a whole.  A trial that may have an impact is cut at the wall and its
@@ -262,30 +334,38 @@ def advance_exactly(
     anew would give the path a second chance to miss the wall.  At an impact they may be joined,
     since it is a stopping time of the path.
 
-    On the stack, ``inside.ahead``, are length, increment and area of the parts of the step still
+    On the stack, ``Scratch.ahead``, are length, increment and area of the parts of the step still
     ahead, the nearest on top.  Cuts 2 i and 2 i + 1 share the four normals of an index.
-    Beside a closed mesh the other stage flies as a single one.
+    Beside closed meshes the bodies that they leave fly by themselves.
     """
-    if inside.hold.first == 0 and inside.hold.second == 0:
-        return _advance(inside, inside.c, not inside.known, met, at, phase, walls)
-    return _advance_beside(inside, met, at, phase, walls)
+    if not inside.closed:
+        return _advance(inside, inside.c, not inside.known, met, at, phase)
+    close_meshes(inside.c, inside.scratch)
+    count = leave_bodies(inside.c, inside.scratch)
+    if count == 0:
+        return Progress(0, at.tau + at.left, 0.0, Noise(0.0, 0.0)), phase
+    return _advance_beside(inside, count, met, at, phase)
 
 
 @inline
 def _advance(
-    inside: Inside, c: Constants, flown: bool, met: int, at: Progress, phase: Phase, walls: Walls
+    inside: Inside, c: Constants, flown: bool, met: int, at: Progress, phase: Phase
 ) -> tuple[Progress, Phase]:
     """`advance_exactly` where no mesh is closed; `flown`: whether the end of the flight is not that
     of the whole step."""
-    ahead = inside.ahead
-    index = Word(inside.step) * SPLITS + CUTS_APART * Word(met)
+    ahead = inside.scratch.ahead
+    walls = inside.scratch.walls
+    s = inside.scratch.state
+    end = inside.scratch.end
+    index = Word(inside.step) * SPLITS + CUTS_APART * Word(met % CALLS)
+    index += Word(met // CALLS) << MORE_CALLS
     tau = at.tau
     left = at.left
-    s = at.state
     code, lead, _ = _due(c, s, walls)
     if code != 0 and lead < left:
-        return _struck(c, at, phase, code, max(lead, 0.0), walls)
-    end = inside.whole
+        return _land(inside, c, s, at, phase, code, max(lead, 0.0))
+    if not flown:
+        copy_state(end, inside.scratch.whole)
     turned = phase
     cuts = top = 0
     z3 = z4 = 0.0
@@ -293,23 +373,26 @@ def _advance(
     while True:
         h, noise = _part(ahead, top)
         if flown:
-            end, turned = short_flight(c, phase, h, s, noise.increment, noise.area)
+            series = inside.scratch.series
+            turned = short_flight(
+                c, c.alpha, 1.0, phase, h, s, noise.increment, noise.area, series, end
+            )
         cut = cut_share(c, phase, s, end, h, walls)
         tick = TICK * (1.0 + abs(tau))
         used_up = cuts >= MOST_CUTS or top + 1 >= len(ahead) or h <= tick
         if cut == 1.0 or used_up:
             if used_up:
-                end = clip(end, walls)
+                clip(end, walls)
             tau = tau + h
             left = left - h if top > 0 else 0.0
-            code, lead, reach = _due(c, end, walls)
+            copy_state(s, end)
+            code, lead, reach = _due(c, s, walls)
             if code != 0 and lead <= left:
-                at = Progress(code, tau, left, _join(ahead, top), end)
+                at = Progress(code, tau, left, _join(ahead, top))
                 phase = turned if flown else phase_at(c.drive, tau)
-                return _struck(c, at, phase, code, max(lead, -0.5 * h), walls)
+                return _land(inside, c, s, at, phase, code, max(lead, -0.5 * h))
             if top == 0:
-                return Progress(0, tau, 0.0, Noise(0.0, 0.0), end), turned
-            s = end
+                return Progress(0, tau, 0.0, Noise(0.0, 0.0)), turned
             phase = turned
             top -= 1
             h, noise = _part(ahead, top)
@@ -336,18 +419,42 @@ def _advance(
 
 @lean_internal
 def _advance_beside(
-    inside: Inside, met: int, at: Progress, phase: Phase, walls: Walls
+    inside: Inside, count: int, met: int, at: Progress, phase: Phase
 ) -> tuple[Progress, Phase]:
-    """`advance_exactly` beside a closed mesh; called, for the flight of open meshes must not wait
-    for which constants it takes."""
-    hold = inside.hold
-    if hold.first != 0 and (hold.second != 0 or inside.c.stages == 1):
-        sides = hold.first, hold.second
-        return stick_to_end(inside.c, at, sides, walls), phase
-    before = close_meshes(inside.c, at, hold, walls)
-    c, alone, beside = open_part(inside.c, before, hold, walls)
-    moved, phase = _advance(inside, c, True, met, alone, phase, beside)
-    return join_closed(before, moved, hold), phase
+    """`advance_exactly` of the bodies that closed meshes leave, so many; called, for the flight of
+    open meshes must not wait for which constants it takes."""
+    not_inlined()
+    whole = inside.scratch
+    free = whole.choices[FREE, :count]
+    wheels = whole.wheels_beside[:count]
+    c = Constants(inside.c.alpha, inside.c.sigma, wheels, inside.c.drive, inside.c.memory)
+    numbers = 2 * count
+    part = Scratch(
+        count,
+        whole.beside[0, :numbers],
+        whole.whole,
+        whole.beside[1, :numbers],
+        whole.beside[2, :numbers],
+        whole.series,
+        whole.ahead,
+        whole.sides,
+        whole.unfollowed,
+        whole.forcing,
+        whole.speeds,
+        whole.bodies,
+        whole.choices,
+        whole.wheels_beside,
+        whole.beside,
+    )
+    take_open(whole.state, free, part.state)
+    take_open(whole.walls, free, part.walls)
+    beside = Inside(c, inside.key, inside.path, inside.step, inside.level, False, False, part)
+    moved, phase = _advance(beside, c, True, met, at, phase)
+    put_open(whole.state, free, part.state)
+    code = moved.code
+    if code != 0:
+        code = due_side(code) * (free[abs(code) - 1] + 1)
+    return Progress(code, moved.tau, moved.left, moved.noise), phase
 
 
 def accurate_flight(scene: Scene) -> Limit:

@@ -8,9 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rattle.montecarlo.noise.philox import Word
-from rattle.montecarlo.schemes.step_state import MOST_PARTS
-from rattle.scene import Bools, Floats, Ints
+from rattle.montecarlo.schemes.step_state import CHOICES, FORCING, MOST_PARTS, MOST_TERMS, Scratch
+from rattle.scene import Bools, Constants, Floats, Ints
 from rattle.scene.compiled import inline, lean_internal, splice, widest_vectors
+from rattle.scene.types import BODY, WHEEL
 
 # finest steps between retirements of finished paths; a multiple of 4 (steps of a draw, coarsest
 # step)
@@ -25,10 +26,12 @@ class Lanes(NamedTuple):
     A level is a step size: dt, 2 dt, 4 dt.
     """
 
-    # state, before: present state, and the state at the start of the step; (levels, 4, lanes)
+    # state, before: present state, and the state at the start of the step; (levels, 2 wheels,
+    # lanes)
     state: Floats
     before: Floats
-    walls: Floats  # distances of the flanks +1, -1, +2, -2 from the middle; (levels, 4, lanes)
+    # distances of the flanks +1, -1, +2, -2, ... from the middle; (levels, 2 wheels, lanes)
+    walls: Floats
     # w, area: increment and area of the step's noise, in units of their sd; (levels, lanes)
     w: Floats
     area: Floats
@@ -52,10 +55,9 @@ class Room(NamedTuple):
     marks: Bools  # lanes that may have an impact in this step; (lanes,)
     groups: Ints  # groups, hits: scratch and output of `list_marked`
     hits: Ints
-    # scratch of `rattle.montecarlo.schemes.exact_flight.advance_exactly`; (MOST_PARTS, 3)
-    ahead: Floats
-    # of the motion at closed meshes: energy lost at mesh 1 and at mesh 2, time, and bound on the
-    # number of impacts that are not slow; (4, lanes)
+    scratch: Scratch
+    # of the motion at closed meshes: energy lost at each mesh, time, and bound on the number of
+    # impacts that are not slow; (wheels + 2, lanes)
     closed: Floats
 
 
@@ -65,13 +67,14 @@ def lanes_of(
     """Lanes and buffers of a block; allocated outside compiled code, which takes longer to compile
     if it allocates.
 
-    `carried`: Rows of `Room.carried`. Shapes: `start` (4, paths); `walls` (4, paths).
+    `carried`: Rows of `Room.carried`. Shapes: `start`, `walls` (2 wheels, paths).
     """
-    paths = start.shape[1]
+    states, paths = start.shape
+    wheels = states // 2
     # whole vectors; results of lanes without a path are ignored
     lanes = (paths + 7) // 8 * 8 + SPARE_LANES
-    state = np.zeros((levels, 4, lanes))
-    wall = np.ones((levels, 4, lanes))
+    state = np.zeros((levels, states, lanes))
+    wall = np.ones((levels, states, lanes))
     state[:, :, :paths] = start
     wall[:, :, :paths] = walls
     every = Lanes(
@@ -92,16 +95,51 @@ def lanes_of(
         marks=np.zeros(lanes, np.bool_),
         groups=np.empty(lanes // 8 + 1, np.int64),
         hits=np.empty(lanes + 1, np.int64),
-        ahead=np.empty((MOST_PARTS, 3)),
-        closed=np.zeros((4, lanes)),
+        scratch=Scratch(
+            wheels=wheels,
+            state=np.zeros(states),
+            whole=np.zeros(states),
+            end=np.zeros(states),
+            walls=np.zeros(states),
+            series=np.zeros((3 + wheels, MOST_TERMS)),
+            ahead=np.empty((MOST_PARTS, 3)),
+            sides=np.zeros(wheels, np.int64),
+            unfollowed=np.zeros((2, wheels)),
+            forcing=np.zeros((wheels, FORCING)),
+            speeds=np.zeros((wheels, lanes)),
+            bodies=np.zeros(wheels, BODY),
+            choices=np.zeros((CHOICES, wheels), np.int64),
+            wheels_beside=np.zeros(wheels, WHEEL),
+            beside=np.zeros((3, states)),
+        ),
+        closed=np.zeros((wheels + 2, lanes)),
     )
     return every, room
 
 
+@lean_internal
+def fill_speeds(c: Constants, state: Floats, speeds: Floats, lanes: int) -> None:
+    """Deviations of the speeds of the wheels that stand between other wheels, of all lanes; that of
+    a wheel at the driver is the rate of its gap.
+
+    Shapes: `state` (2 wheels, lanes); `speeds` (wheels, lanes).
+    """
+    for i in range(c.wheels.size):
+        wheel = c.wheels[i]
+        parent = wheel.parent
+        if parent < 0 or not wheel.drives:
+            continue
+        if c.wheels[parent].parent < 0:
+            _put_speeds(wheel.ratio, state[2 * parent + 1], state[2 * i + 1], speeds[i], lanes)
+        else:
+            _put_speeds(wheel.ratio, speeds[parent], state[2 * i + 1], speeds[i], lanes)
+
+
 @inline
-def four(rows: Floats) -> tuple[Floats, Floats, Floats, Floats]:
-    """The four rows of a block of states or flanks, as vectors."""
-    return rows[0], rows[1], rows[2], rows[3]
+def _put_speeds(ratio: float, v: Floats, y: Floats, out: Floats, lanes: int) -> None:
+    """Deviations of the speed of a wheel from those of its parent and the rates of its gap."""
+    for p in range(lanes):
+        out[p] = ratio * v[p] - y[p]
 
 
 @splice
@@ -207,7 +245,7 @@ def retire(every: Lanes, room: Room, impacts: int, live: int) -> int:
         for j in range(len(own)):
             own[j, p] = own[j, live]
         for level in range(len(every.impacts)):
-            for j in range(4):
+            for j in range(every.state.shape[1]):
                 every.state[level, j, p] = every.state[level, j, live]
                 every.walls[level, j, p] = every.walls[level, j, live]
             every.last[level, p] = every.last[level, live]

@@ -41,7 +41,8 @@ def quiet_of(scene: Scene, slow: float, resolve: float | None) -> Quiet:
     """Down to which speed a long run follows the motion at closed meshes: `resolve`, 0 for all of
     it, by default a share of `slow`."""
     speed = QUIET_SHARE * slow if resolve is None else non_negative("resolve", resolve)
-    if speed == 0.0 or scene.epsilon == 1.0:
+    epsilon = float(scene.constants.wheels["epsilon"].max())
+    if speed == 0.0 or epsilon == 1.0:
         return Quiet()
-    relaxed = RELAXATIONS / (1.0 - scene.epsilon)
-    return Quiet(speed, slow, tail_exponent(scene.epsilon), FIRST_LEFT_OUT, relaxed)
+    relaxed = RELAXATIONS / (1.0 - epsilon)
+    return Quiet(speed, slow, tail_exponent(epsilon), FIRST_LEFT_OUT, relaxed)

@@ -10,10 +10,9 @@ from typing import Any
 
 from rattle.montecarlo.schemes.lanes import Lanes
 from rattle.montecarlo.schemes.short_flight import Phase
-from rattle.montecarlo.schemes.step_state import Hold, Inside, Progress, Quiet, Walls
+from rattle.montecarlo.schemes.step_state import Inside, Progress, Quiet, Scratch
 from rattle.montecarlo.schemes.time_scales import Limit
 from rattle.scene import Bools, Constants, Floats, Scene
-from rattle.scene.sticking import Sides
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,15 +35,17 @@ class Scheme:
     trusted_step: Callable[[Scene], Limit]  # up to which noise within a step biases no mean by 5 %
     # one step of all lanes from a time on, of a length; marks those that may have an impact in it.
     # Flanks are read of each lane only where they differ
-    step_lanes: Callable[[Constants, float, float, bool, Lanes, Bools, int], None]
+    step_lanes: Callable[[Constants, float, float, bool, Lanes, Scratch, Bools, int], None]
     # noise of a coarse step from that of its halves
     join_noise: Callable[[Floats, Floats, Floats, Floats, bool, int], None]
     phase_at: Callable[[Any, float], Phase]  # what a step knows of the drive at its start
     # to the next impact within a step, or to its end, from where a path is after so many impacts
     # and beside the meshes that are closed
-    advance: Callable[[Inside, int, Progress, Phase, Walls], tuple[Progress, Phase]]
-    find_sticking: Callable[[Constants, Progress, Walls, Quiet], Hold]  # meshes that are closed
-    stick_to_end: Callable[[Constants, Progress, Sides, Walls], Progress]  # the path at that end
+    advance: Callable[[Inside, int, Progress, Phase], tuple[Progress, Phase]]
+    # the meshes that are closed, see `Scratch`; whether there are any, and the bound on the rate of
+    # impacts that are not followed
+    find_sticking: Callable[[Constants, Progress, Scratch, Quiet], tuple[bool, float]]
+    stick_to_end: Callable[[Constants, Progress, Scratch], Progress]  # the path at that end
 
     @property
     def has_step_bias(self) -> bool:

@@ -8,8 +8,10 @@ which sine and cosine of the phase are two more series.
 
 from typing import Any
 
-from rattle.montecarlo.schemes.step_state import State
-from rattle.scene import Constants
+import numpy as np
+
+from rattle.montecarlo.schemes.step_state import MOST_TERMS
+from rattle.scene import Constants, Floats
 from rattle.scene.compiled import inline, lean
 from rattle.scene.drive import (
     begin_derivatives,
@@ -22,7 +24,7 @@ from rattle.scene.drive import (
 Phase = tuple[float, ...]
 """Sine and cosine of a time; of several orders ``-f''``, ``f'``, ``-f'''`` and the time itself."""
 
-MOST_TERMS = 60
+SHARES = np.array([0.0, *(1.0 / k for k in range(1, MOST_TERMS + 1))])
 NEGLIGIBLE = 1e-16  # size of a Taylor term, relative to the first, after which the series ends
 
 
@@ -63,110 +65,144 @@ def shift_phase(drive: Any, phase: Phase, t: float) -> Phase:
 
 @lean
 def short_flight(
-    c: Constants, phase: Phase, h: float, s: State, increment: float, area: float
-) -> tuple[State, Phase]:
-    """Fly for a time h, at most a step, with given noise.
+    c: Constants,
+    alpha: float,
+    dragged: float,
+    phase: Phase,
+    h: float,
+    s: Floats,
+    increment: float,
+    area: float,
+    series: Floats,
+    end: Floats,
+) -> Phase:
+    """Fly for a time h, at most a step, with given noise; writes the end and returns its phase.
 
-    With u = s / h in [0, 1] the flight is ``dx/du = h y`` and ``dy1/du = -h beta1 y1 + h gamma1 +
-    m1 (even + odd u)``, likewise for stage 2.  All series are summed until their terms, of relative
-    size ``(h (1 + beta))^k / k!``, are below rounding: eight terms at the default step, three at
-    the last trial before an impact.
+    With u = t / h in [0, 1] the flight is ``dx/du = h y`` and ``dy/du = h (drag - beta y + coupling
+    v_p) + m (even + odd u)``, v_p the deviation of the parent's speed.  All series are summed until
+    their terms, of relative size ``(h (1 + beta))^k / k!``, are below rounding: eight terms at the
+    default step, three at the last trial before an impact.
+
+    `alpha`, `dragged`: the excitation, and 1 with drag or 0 without.  Shapes: `s`, `end` (2
+    wheels,); `series` as in `Scratch`.
     """
-    return _fly(c.drive, c, phase, h, s, increment, area)
+    return _fly(c.drive, c, alpha, dragged, phase, h, s, increment, area, series, end)
 
 
 @inline
 def _fly(
-    drive: Any, c: Constants, phase: Phase, h: float, s: State, increment: float, area: float
-) -> tuple[State, Phase]:
-    """`short_flight` for the drive at hand.
+    drive: Any,
+    c: Constants,
+    alpha: float,
+    dragged: float,
+    phase: Phase,
+    h: float,
+    s: Floats,
+    increment: float,
+    area: float,
+    series: Floats,
+    end: Floats,
+) -> Phase:
+    """`short_flight` for the drive at hand."""
+    fastest = 0.0
+    for i in range(c.wheels.size):
+        fastest = max(fastest, c.wheels[i].beta)
+    terms, after = _expand_drive(drive, phase, h, abs(h) * (highest_order(drive) + fastest), series)
+    odd = 12.0 * c.sigma * area
+    even = alpha * h + (c.sigma * increment - 0.5 * odd)
+    nothing = series.shape[0] - 1  # a row of zeros: the driver does not deviate
+    for i in range(c.wheels.size):
+        wheel = c.wheels[i]
+        # read once: what is written below might be what is read, as far as the compiler knows
+        beta = wheel.beta
+        coupling = wheel.coupling
+        by_acceleration = wheel.second
+        by_velocity = wheel.first
+        sign = wheel.sign
+        ratio = wheel.ratio
+        speed = series[2 + i]
+        carried = series[2 + wheel.parent if wheel.parent >= 0 else nothing]
+        x = s[2 * i]
+        y = s[2 * i + 1]
+        drag = dragged * h * wheel.drag
+        y_end = y
+        moved = 0.0
+        before = 0.0
+        speed[0] = sign * y + ratio * carried[0]
+        for k in range(1, terms + 1):  # from the terms in u^(k - 1) to those in u^k
+            share = SHARES[k]
+            hk = h * share
+            m = by_acceleration * series[1, k - 1] + by_velocity * series[0, k - 1]
+            moved += hk * y
+            forced = share * (drag + (even * m + odd * before))
+            y = forced + hk * (coupling * carried[k - 1] - beta * y)
+            y_end += y
+            before = m
+            drag = 0.0
+            speed[k] = sign * y + ratio * carried[k]
+        end[2 * i] = x + moved
+        end[2 * i + 1] = y_end
+    return after
 
-    Of ``f = sin tau``, sine and cosine are carried along as two of the series; of several orders,
-    Taylor coefficients of ``f'``: its derivative k - 1, and the two after it.
+
+@inline
+def _expand_drive(
+    drive: Any, phase: Phase, h: float, fastest: float, series: Floats
+) -> tuple[int, Phase]:
+    """Taylor coefficients of ``f'`` and ``f''`` in u, as many as are needed, and the phase a time h
+    later.
+
+    Of ``f = sin tau`` they are cosine and minus sine; of several orders derivative k - 1 and the
+    two after it go along.
     """
-    sine = cosine = first = second = third = 0.0
-    moved1 = moved2 = m1_before = m2_before = 0.0
-    first_end = second_end = third_end = 0.0
     size = power = 1.0
+    first_end = second_end = third_end = 0.0
+    first = second = third = 0.0
     if len(drive) == 0:
-        sine, cosine = phase
+        second = -phase[0]
+        first = phase[1]
     else:
         first, second, third = begin_derivatives(drive, phase[3])
-    odd = 12.0 * c.sigma * area
-    even = c.alpha * h + (c.sigma * increment - 0.5 * odd)
-    drag1 = h * c.gamma1
-    drag2 = h * (c.gamma1 - c.gamma2)
-    apart = c.beta2 - c.beta1
-    fastest = abs(h) * (highest_order(drive) + max(c.beta1, c.beta2))
-    y1 = s[1]
-    y2 = s[3]
-    y1_end = y1
-    y2_end = y2
-    sine_end = sine
-    cosine_end = cosine
-    for k in range(1, MOST_TERMS):  # from the terms in u^(k - 1) to those in u^k
-        share = 1.0 / k
+    terms = MOST_TERMS - 1
+    for k in range(1, MOST_TERMS):
+        share = SHARES[k]
         hk = h * share
-        if len(drive) == 0:
-            m1 = c.beta1 * cosine - sine
-            m2 = -apart * cosine
-            sine, cosine = hk * cosine, -hk * sine
-            sine_end += sine
-            cosine_end += cosine
-        else:
-            first_end += power * first
-            second_end += power * second
-            third_end += power * third
-            m1 = power * (c.beta1 * first + second)
-            m2 = -apart * (power * first)
-        moved1 += hk * y1
-        if c.stages == 2:
-            moved2 += hk * y2
-            y2 = (share * (drag2 + (even * m2 + odd * m2_before)) + (hk * apart) * y1) - (
-                hk * c.beta2
-            ) * y2
-            y2_end += y2
-        y1 = share * (drag1 + (even * m1 + odd * m1_before)) - (hk * c.beta1) * y1
-        y1_end += y1
-        m1_before = m1
-        m2_before = m2
-        drag1 = drag2 = 0.0
+        series[0, k - 1] = power * first
+        series[1, k - 1] = power * second
+        first_end += power * first
+        second_end += power * second
+        third_end += power * third
         size *= fastest * share
+        if len(drive) == 0:
+            first, second = hk * second, -hk * first
         if size < NEGLIGIBLE:
+            terms = k
             break
         if len(drive) != 0:
             power *= hk
             first = second
             second = third
             third = next_derivative(drive, k)
-    end = s[0] + moved1, y1_end, s[2] + moved2, y2_end
     if len(drive) == 0:
-        return end, (sine_end, cosine_end)
-    return end, (-second_end, first_end, -third_end, phase[3] + h)
-
-
-@inline
-def under(c: Constants, alpha: float, gamma1: float, gamma2: float) -> Constants:
-    """The scene under another excitation and other drags."""
-    return Constants(
-        alpha,
-        c.epsilon,
-        c.beta1,
-        c.beta2,
-        gamma1,
-        gamma2,
-        c.mu,
-        c.wall1,
-        c.wall2,
-        c.sigma,
-        c.stages,
-        c.drive,
-        c.memory,
-    )
+        return terms, (-(second_end + second), first_end + first)
+    return terms, (-second_end, first_end, -third_end, phase[3] + h)
 
 
 @lean
-def kick(c: Constants, tau: float, h: float, increment: float, area: float) -> State:
-    """Displacement at the end of a time h by given noise alone (Eq. 5)."""
-    quiet = under(c, 0.0, 0.0, 0.0)
-    return short_flight(quiet, phase_at(c.drive, tau), h, (0.0, 0.0, 0.0, 0.0), increment, area)[0]
+def kick(
+    c: Constants, tau: float, h: float, increment: float, area: float, series: Floats, out: Floats
+) -> None:
+    """Write the displacement at the end of a time h by given noise alone (Eq. 5).
+
+    Shapes: `series` as in `Scratch`; `out` (2 wheels,).
+    """
+    for i in range(out.size):
+        out[i] = 0.0
+    short_flight(c, 0.0, 0.0, phase_at(c.drive, tau), h, out, increment, area, series, out)
+
+
+def pushed_by(c: Constants, tau: float, h: float, increment: float, area: float) -> Floats:
+    """`kick` as a new array."""
+    out = np.empty(2 * c.wheels.size)
+    kick(c, tau, h, increment, area, np.zeros((3 + c.wheels.size, MOST_TERMS)), out)
+    return out

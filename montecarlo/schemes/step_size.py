@@ -14,7 +14,7 @@ from rattle.montecarlo.schemes.control_variate import orbit_impacts
 from rattle.montecarlo.schemes.euler import EULER
 from rattle.montecarlo.schemes.euler_located import LOCATED
 from rattle.montecarlo.schemes.exact_flight import EXACT
-from rattle.montecarlo.schemes.short_flight import kick
+from rattle.montecarlo.schemes.short_flight import pushed_by
 from rattle.montecarlo.schemes.time_scales import Limit
 from rattle.scene import InputError, Scene, finite
 from rattle.scene.flight import jacobian, noise_covariance
@@ -108,8 +108,9 @@ def neglected_noise(scene: Scene, dt: float) -> float:
     tau = scene.phase
     worst = 0.0
     # covariances
-    whole = np.zeros((5, 5))
-    missing = np.zeros((5, 5))
+    size = 2 * c.wheels.size
+    whole = np.zeros((size + 1, size + 1))
+    missing = np.zeros((size + 1, size + 1))
     for impact in orbit_impacts(scene, LOOKED_AT_IMPACTS):
         if impact.tau - scene.phase > min(TIME, STEPS_WITHOUT_EFFECT * dt):
             break
@@ -119,16 +120,17 @@ def neglected_noise(scene: Scene, dt: float) -> float:
             )
             end = max(end, math.nextafter(tau, math.inf))
             h = end - tau
-            carry = np.eye(5)
-            exact = np.zeros((5, 5))
-            carry[:4, :4], exact[:4, :4] = jacobian(c, h), noise_covariance(c, tau, h)
+            carry = np.eye(size + 1)
+            exact = np.zeros((size + 1, size + 1))
+            carry[:size, :size] = jacobian(c, h)
+            exact[:size, :size] = noise_covariance(c, tau, h)
             whole = transform(carry, whole) + exact
             missing = transform(carry, missing) + exact
             for kept in (
-                kick(c, tau, h, math.sqrt(h), 0.0),
-                kick(c, tau, h, 0.0, math.sqrt(h / 12.0)),
+                pushed_by(c, tau, h, math.sqrt(h), 0.0),
+                pushed_by(c, tau, h, 0.0, math.sqrt(h / 12.0)),
             ):
-                missing[:4, :4] -= np.multiply.outer(kept, kept)
+                missing[:size, :size] -= np.multiply.outer(kept, kept)
             tau = end
         variance, left_out = (np.diagonal(transform(impact.read, v)) for v in (whole, missing))
         varies = variance > 0.0

@@ -1,15 +1,16 @@
 """State of a path within a step, shared by all schemes."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from rattle.montecarlo.noise.brownian import Noise
 from rattle.montecarlo.noise.philox import Key, Word
-from rattle.scene import Constants, Floats
-from rattle.scene.compiled import inline
+from rattle.scene import Constants, Floats, Ints
+from rattle.scene.compiled import inline, lean_internal
+from rattle.scene.types import Bodies, Wheels
 
 MOST_IN_A_STEP = 64
-"""Most impacts of a path in a step; then the struck mesh stays closed to the end of the step, which
-is counted."""
+"""Most impacts of a path in a step, of three wheels or more for each of them; then the struck mesh
+stays closed to the end of the step, which is counted."""
 
 SPLITS = Word(1 << 16)
 """Indices of random numbers reserved for the splits of one step."""
@@ -17,33 +18,20 @@ SPLITS = Word(1 << 16)
 MOST_PARTS = 200
 """Most parts of a step that wait at once: the depth of the stack of cuts of an exact flight."""
 
+MOST_TERMS = 60  # of the Taylor series of a part of a step
 TOGETHER = 1e-12
-"""Time in which impacts at both meshes count as one instant, and mesh 1 comes first: what a
+"""Time in which impacts at two meshes count as one instant, and the first comes first: what a
 flight's rounding adds."""
 
 
-State = tuple[float, float, float, float]
-"""``x1, y1, x2, y2``."""
-
-
-class Walls(NamedTuple):
-    """Distances of a path's four flanks from the middle of their gap."""
-
-    high1: float  # high1, low1, high2, low2: flanks +1, -1, +2, -2; all positive
-    low1: float
-    high2: float
-    low2: float
-
-
 class Progress(NamedTuple):
-    """A path within a step: its state, the impact that is due there, and what is left of the
-    step."""
+    """Where a path is within a step, beside its state: the impact that is due there, and what is
+    left of the step."""
 
     code: int  # ``mesh * side`` of an impact that is due at this very state, or 0
     tau: float  # time
     left: float  # time to the end of the step
     noise: Noise  # of the time left
-    state: State
 
 
 class Quiet(NamedTuple):
@@ -59,18 +47,53 @@ class Quiet(NamedTuple):
     relaxed: float = 0.0  # times of relaxation that a mesh must stay closed
 
 
-class Hold(NamedTuple):
-    """Meshes that are held closed in what is left of a step, and what is not followed there."""
+class Scratch(NamedTuple):
+    """Buffers for one path within a step, and for what a step has in common for all."""
 
-    first: int  # first, second: sides on which mesh 1 and mesh 2 are closed; 0 for an open mesh
-    second: int
-    # ended1, ended2: energies of the motions at both meshes that end when they are closed
-    ended1: float
-    ended2: float
-    # power1, power2: energies per unit of time that impacts by noise would lose
-    power1: float
-    power2: float
-    above: float  # bound on the rate of impacts that are not slow
+    # number of wheels: a constant of kernels for one and two, whose loops it unrolls
+    wheels: int
+    # state, whole, end: present state; that at the end of the whole step, if no wall is met; and
+    # that at the end of a part of it; (2 wheels,)
+    state: Floats
+    whole: Floats
+    end: Floats
+    walls: Floats  # distances of the flanks +1, -1, +2, -2, ... from their middle; (2 wheels,)
+    # Taylor series: of f' and f'', of the deviation of each wheel's speed, and zeros; (3 + wheels,
+    # terms)
+    series: Floats
+    ahead: Floats  # parts of the step that are still ahead; (MOST_PARTS, 3)
+    sides: Ints  # sides on which meshes are closed; 0 for an open mesh; (wheels,)
+    # energies of the motions that end when meshes are closed, and those per unit of time that
+    # impacts by noise would lose there; (2, wheels)
+    unfollowed: Floats
+    forcing: Floats  # of a step of all lanes, see the schemes; (wheels, FORCING)
+    speeds: (
+        Floats  # deviations of the speeds of wheels between others, of all lanes; (wheels, lanes)
+    )
+    # where meshes are closed: what they make of the wheels, by wheel; sets of meshes, see the rows
+    # below; and the wheels, state, end and walls of the bodies that they leave
+    bodies: Bodies
+    choices: Ints  # (CHOICES, wheels)
+    wheels_beside: Wheels
+    beside: Floats  # (3, 2 wheels)
+
+
+CHOICES = 8
+TOUCHING = 0
+"""First of the rows of `Scratch.choices`: sides on which meshes touch, those on which they stick,
+those without what is shaken, those that are held, and those that are held together; the wheel at
+the driver behind which a wheel is; the indices of the open meshes; and the sides of the closed
+meshes that left `Scratch.wheels_beside`."""
+STICKING = 1
+UNSHAKEN = 2
+HELD = 3
+GROUP = 4
+TOP = 5
+FREE = 6
+LEFT = 7
+
+FORCING = 12
+"""Most numbers that are the same for every path, of each gap in a step."""
 
 
 class Inside(NamedTuple):
@@ -81,36 +104,47 @@ class Inside(NamedTuple):
     path: Word
     step: int  # number of the step, in finest steps
     level: int  # 0 for dt, 1 for 2 dt, ...
-    whole: State  # at the end of the whole step, if no wall is met
-    known: bool  # whether that is where this flight ends: nothing has happened in the step so far
-    hold: Hold  # meshes that are closed in this flight
-    # scratch of `rattle.montecarlo.schemes.exact_flight.advance_exactly`; (MOST_PARTS, 3)
-    ahead: Floats
+    known: bool  # whether `whole` is where this flight ends: nothing has happened in the step yet
+    closed: bool  # whether some meshes are closed, those of `Scratch.sides`
+    scratch: Scratch
 
 
 @inline
-def of_mesh(mesh: int, s: State) -> tuple[float, float, float]:
-    """Displacement and velocity of the stage at a mesh, and the other stage's velocity."""
-    return (s[0], s[1], s[3]) if mesh == 1 else (s[2], s[3], s[1])
+def copy_state(to: Any, s: Any) -> None:
+    """Copy a state into another one."""
+    for i in range(to.size):
+        to[i] = s[i]
 
 
 @inline
-def flanks_of(mesh: int, walls: Walls) -> tuple[float, float]:
-    """Distances of the flanks of a mesh from the middle of their gap."""
-    return (walls.high1, walls.low1) if mesh == 1 else (walls.high2, walls.low2)
+def due_side(code: int) -> int:
+    """The side of an impact."""
+    return 1 if code > 0 else -1
+
+
+@lean_internal
+def clip(s: Floats, walls: Floats) -> None:
+    """Clip the displacements of a state to the walls, in place."""
+    for i in range(s.size // 2):
+        s[2 * i] = min(max(s[2 * i], -walls[2 * i + 1]), walls[2 * i])
 
 
 @inline
-def clip(s: State, walls: Walls) -> State:
-    """A state with its displacements clipped to the walls."""
-    x1 = min(max(s[0], -walls.low1), walls.high1)
-    x2 = min(max(s[2], -walls.low2), walls.high2)
-    return x1, s[1], x2, s[3]
+def put_on_wall(s: Floats, code: int, walls: Floats) -> None:
+    """Put the gap of an impact ``mesh * side`` on that wall, in place."""
+    i = abs(code) - 1
+    s[2 * i] = walls[2 * i] if code > 0 else -walls[2 * i + 1]
 
 
 @inline
-def put_on_wall(x1: float, x2: float, code: int, walls: Walls) -> tuple[float, float]:
-    """Displacements of both stages, with the stage that strikes ``mesh * side`` on that wall."""
-    x1 = walls.high1 if code == 1 else (-walls.low1 if code == -1 else x1)
-    x2 = walls.high2 if code == 2 else (-walls.low2 if code == -2 else x2)
-    return x1, x2
+def parent_deviation(c: Constants, s: Floats, i: int) -> float:
+    """Deviation of the speed of the wheel that gap i is a gap to; 0 for the driver."""
+    total = 0.0
+    carry = 1.0
+    j = c.wheels[i].parent
+    while j >= 0:
+        wheel = c.wheels[j]
+        total += carry * wheel.sign * s[2 * j + 1]
+        carry *= wheel.ratio
+        j = wheel.parent
+    return total

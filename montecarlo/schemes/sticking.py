@@ -11,15 +11,44 @@ its impacts are slow: the law of that motion is known, see `rattle.montecarlo.sc
 """
 
 import math
+from typing import Any, NamedTuple
+
+import numpy as np
 
 from rattle.montecarlo.noise.brownian import Noise
 from rattle.montecarlo.schemes.crossing import MARGIN_SDS
-from rattle.montecarlo.schemes.short_flight import kick, under
-from rattle.montecarlo.schemes.step_state import Hold, Progress, Quiet, Walls, put_on_wall
-from rattle.scene import Constants, Floats
-from rattle.scene.compiled import inline, lean_internal
-from rattle.scene.drive import velocity_acceleration
-from rattle.scene.sticking import Sides, find_sticking, open_stage, presses, stick_on, stuck_on
+from rattle.montecarlo.schemes.short_flight import kick
+from rattle.montecarlo.schemes.step_state import (
+    FREE,
+    GROUP,
+    HELD,
+    LEFT,
+    STICKING,
+    TOP,
+    TOUCHING,
+    UNSHAKEN,
+    Progress,
+    Quiet,
+    Scratch,
+    copy_state,
+)
+from rattle.scene import Constants, Floats, Ints
+from rattle.scene.compiled import inline, internal, lean_internal, not_inlined
+from rattle.scene.drive import most_modulation, most_velocity, velocity_acceleration
+from rattle.scene.flight import flow
+from rattle.scene.sticking import (
+    DRIVER,
+    Driver,
+    close,
+    contact_motion,
+    find_sticking,
+    list_open,
+    lock,
+    put_open,
+    take_open,
+    write_bodies,
+)
+from rattle.scene.types import Bodies
 
 # bound on the rate of fast impacts at a closed mesh, over ``exp(-tail w)``, in its units of time:
 # 0.2 to 1.2 for restitutions up to 0.9 and speeds of 4 to 8 units, in 4e5 units of time each
@@ -28,282 +57,409 @@ STEADY_PRESS = 0.1  # largest relative change of the press while a motion at a w
 
 
 @inline
-def hold_only(sides: Sides) -> Hold:
-    """Meshes that are closed on some sides, none where both are 0, with nothing that is not
-    followed."""
-    return Hold(sides[0], sides[1], 0.0, 0.0, 0.0, 0.0, 0.0)
+def put_all(to: Any, value: Any) -> None:
+    """Fill a vector with a value."""
+    for i in range(to.size):
+        to[i] = value
 
 
 @inline
-def stays_open(c: Constants, at: Progress, walls: Walls, quiet: Quiet) -> Hold:
-    """Both meshes open: a scheme whose steps know no contact force."""
-    return hold_only((0, 0))
+def is_any(closed: Ints) -> bool:
+    """Whether any mesh is closed."""
+    closed_at_all = False
+    for i in range(closed.size):
+        closed_at_all = closed_at_all or closed[i] != 0
+    return closed_at_all
 
 
 @inline
-def stay(c: Constants, at: Progress, sides: Sides, walls: Walls) -> Progress:
+def stays_open(c: Constants, at: Progress, scratch: Scratch, quiet: Quiet) -> tuple[bool, float]:
+    """All meshes open: a scheme whose steps know no contact force."""
+    return False, 0.0
+
+
+@inline
+def stay(c: Constants, at: Progress, scratch: Scratch) -> Progress:
     """The path as it is: it has been at the end of its step all the time."""
     return at
 
 
-@lean_internal
-def sides_of(code: int) -> Sides:
-    """The mesh of an impact closed on the side of that impact, the other open."""
-    side = 1 if code > 0 else -1
-    return (side, 0) if abs(code) == 1 else (0, side)
-
-
-@lean_internal
-def _accelerations(
-    c: Constants, tau: float, y1: float, y2: float
-) -> tuple[float, float, float, float]:
-    """Free accelerations ``y1'`` and ``y2'``, and the modulation of the noise of both wheels."""
-    first, second = velocity_acceleration(c.drive, tau)
-    u1 = c.alpha * first - y1
-    pull1 = c.beta1 * u1 + c.gamma1
-    pull2 = c.beta2 * (u1 + y2) + c.gamma2
-    m1 = second + c.beta1 * first
-    m2 = second + c.beta2 * first
-    return pull1 + c.alpha * second, pull1 - pull2, m1, m2
-
-
-@lean_internal
-def _pushes(
-    c: Constants, tau: float, y1: float, y2: float, sides: Sides
-) -> tuple[float, float, float, float]:
-    """Accelerations into the walls of the meshes that are closed, infinite for an open one, and the
-    noise's power (per sigma^2) at both.
-
-    With both closed they are those of each wheel towards the driver.
-    """
-    f1, f2, m1, m2 = _accelerations(c, tau, y1, y2)
-    first, second = sides
-    if first != 0 and second != 0:
-        mass = c.mu / (1.0 - c.mu)
-        return first * f1, -second * (f1 - f2), 0.5 * m1 * m1, 0.5 * mass * m2 * m2
-    if first != 0:
-        return first * f1, math.inf, 0.5 * m1 * m1, 0.0
-    apart = m1 - m2
-    return math.inf, second * f2, 0.0, 0.5 * c.mu * apart * apart
+@inline
+def close_only(code: int, scratch: Scratch) -> None:
+    """The mesh of an impact closed on the side of that impact, all others open."""
+    for i in range(scratch.sides.size):
+        scratch.sides[i] = 0
+        scratch.unfollowed[0, i] = 0.0
+        scratch.unfollowed[1, i] = 0.0
+    scratch.sides[abs(code) - 1] = 1 if code > 0 else -1
 
 
 @inline
-def _nearest(x: float, high: float, low: float) -> tuple[int, float]:
-    """The side whose wall is nearest, and the distance to it."""
-    above = high - x
-    below = low + x
-    return (1, above) if above <= below else (-1, below)
-
-
-@inline
-def _touches(push: float, y: float, distance: float, speed: float) -> bool:
-    """Whether a mesh rests at its wall, or bounces there below a speed."""
-    if y == 0.0 and distance == 0.0:
-        return True
-    return push > 0.0 and y * y + 2.0 * push * distance <= speed * speed
-
-
-@lean_internal
-def find_closed(c: Constants, at: Progress, walls: Walls, quiet: Quiet) -> Hold:
+def find_closed(c: Constants, at: Progress, scratch: Scratch, quiet: Quiet) -> tuple[bool, float]:
     """The meshes that are closed for what is left of a step: those that stick, or that noise moves
     too little to be followed.
 
     Noise with a memory is a known force within a step, and part of the drive's.
     """
-    x1, y1, x2, y2 = at.state
-    side1, distance1 = _nearest(x1, walls.high1, walls.low1)
-    side2, distance2 = _nearest(x2, walls.high2, walls.low2) if c.stages == 2 else (0, math.inf)
-    slow1 = abs(y1) <= quiet.speed
-    slow2 = c.stages == 2 and abs(y2) <= quiet.speed
-    due1 = distance1 == 0.0 and side1 * y1 > 0.0 and not slow1
-    due2 = distance2 == 0.0 and side2 * y2 > 0.0 and not slow2
-    if due1 or due2 or not (slow1 or slow2):
-        return hold_only((0, 0))  # an impact comes first
+    slow = False
+    for i in range(c.wheels.size):
+        x = scratch.state[2 * i]
+        y = scratch.state[2 * i + 1]
+        if abs(y) <= quiet.speed:
+            slow = True
+        elif (x == scratch.walls[2 * i] and y > 0.0) or (
+            x == -scratch.walls[2 * i + 1] and y < 0.0
+        ):
+            return False, 0.0  # an impact comes first
+    if not slow:
+        return False, 0.0
+    above = _close_slow(c, at, scratch, quiet)
+    return above >= 0.0, above
+
+
+@inline
+def _close_slow(c: Constants, at: Progress, scratch: Scratch, quiet: Quiet) -> float:
+    """Write the meshes that are closed into the scratch; the bound on the rate of fast impacts that
+    are not followed there, or -1 where none is closed."""
     spread = c.sigma
     if c.memory > 0.0:
         alpha = c.alpha + c.sigma * at.noise.increment / at.left
-        c = under(c, alpha, c.gamma1, c.gamma2)
+        c = Constants(alpha, c.sigma, c.wheels, c.drive, c.memory)
         spread = 0.0
-    f1, f2, _, _ = _accelerations(c, at.tau, y1, y2)
-    touches1 = slow1 and _touches(side1 * f1, y1, distance1, quiet.speed)
-    push2 = -side2 * (f1 - f2) if touches1 else side2 * f2
-    touches2 = slow2 and _touches(push2, y2, distance2, quiet.speed)
-    if not (touches1 or touches2):
-        return hold_only((0, 0))
+    put_all(scratch.unfollowed[0], 0.0)
+    put_all(scratch.unfollowed[1], 0.0)
+    s = scratch.state
+    bodies = scratch.bodies
+    touching = scratch.choices[TOUCHING]
+    sticking = scratch.choices[STICKING]
+    driver = velocity_acceleration(c.drive, at.tau)
+    _find_touching(c, driver, scratch, quiet.speed)
+    if not is_any(touching):
+        return -1.0
     if quiet.speed > 0.0:
-        touching = side1 if touches1 else 0, side2 if touches2 else 0
-        sides = find_sticking(c, at.tau, y1, y2, touching)
-        if touches1 and sides[0] == 0:
-            sides = 0, 0  # every impact at mesh 1 shakes mesh 2
-        hold = _hold_quiet(c, at, distance1, distance2, sides, spread, quiet)
-        if hold.first == 0 and hold.second == 0 and sides[1] != 0:
-            hold = _hold_quiet(c, at, distance1, distance2, (sides[0], 0), spread, quiet)
-        if hold.first != 0 or hold.second != 0:
-            return hold
-    first = side1 if y1 == 0.0 and distance1 == 0.0 else 0
-    second = side2 if y2 == 0.0 and distance2 == 0.0 else 0
-    if first == 0 and second == 0:
-        return hold_only((0, 0))
-    sides = find_sticking(c, at.tau, y1, y2, (first, second))
-    return _hold_still(c, at, sides, spread)
+        find_sticking(c, driver, s, touching, sticking, bodies)
+        _leave_shaken(c, scratch)
+        ahead = velocity_acceleration(c.drive, at.tau + at.left)
+        above = _hold_quiet(c, at.left, driver, ahead, spread, scratch, quiet)
+        if above >= 0.0:
+            return above
+    for i in range(c.wheels.size):
+        side, distance = _nearest_wall(scratch, i)
+        rests = s[2 * i + 1] == 0.0 and distance == 0.0
+        touching[i] = side if rests else 0
+    if not is_any(touching):
+        return -1.0
+    find_sticking(c, driver, s, touching, sticking, bodies)
+    leave_lifted(c, at.left, sticking, spread, bodies)
+    copy_state(scratch.sides, sticking)
+    return 0.0 if is_any(sticking) else -1.0
+
+
+@inline
+def _nearest_wall(scratch: Scratch, i: int) -> tuple[int, float]:
+    """The side of the wall that is nearest in a gap, and the distance to it."""
+    x = scratch.state[2 * i]
+    above = scratch.walls[2 * i] - x
+    below = scratch.walls[2 * i + 1] + x
+    return (1, above) if above <= below else (-1, below)
+
+
+@inline
+def _find_touching(c: Constants, driver: Driver, scratch: Scratch, speed: float) -> None:
+    """Write the meshes that rest at their wall, or bounce there below a speed, pressed by what acts
+    on them while those above them touch."""
+    touching = scratch.choices[TOUCHING]
+    put_all(touching, 0)
+    changed = True
+    for i in range(c.wheels.size):
+        y = scratch.state[2 * i + 1]
+        if abs(y) > speed:
+            continue
+        if changed:
+            contact_motion(c, driver, scratch.state, touching, scratch.bodies)
+            changed = False
+        side, distance = _nearest_wall(scratch, i)
+        push = side * scratch.bodies[i].push
+        bounces = push > 0.0 and y * y + 2.0 * push * distance <= speed * speed
+        if bounces or (y == 0.0 and distance == 0.0):
+            touching[i] = side
+            changed = True
+
+
+@inline
+def _leave_shaken(c: Constants, scratch: Scratch) -> None:
+    """Write the meshes that stick, without those of a wheel that also touches at a mesh that does
+    not, which every impact there shakes; and the bodies that they make."""
+    touching = scratch.choices[TOUCHING]
+    sticking = scratch.choices[STICKING]
+    kept = scratch.choices[UNSHAKEN]
+    copy_state(kept, sticking)
+    shaken = False
+    for i in range(kept.size):
+        if touching[i] == 0 or sticking[i] != 0:
+            continue
+        shaken = True
+        parent = c.wheels[i].parent
+        for j in range(kept.size):
+            other = c.wheels[j].parent
+            if other == i or j == parent or (other == parent and parent >= 0):
+                kept[j] = 0
+    if shaken:
+        lock(c, kept, scratch.bodies)
 
 
 @lean_internal
-def _hold_still(c: Constants, at: Progress, sides: Sides, spread: float) -> Hold:
-    """Meshes at rest that stick: whose contact force exceeds what noise could overcome over the
-    time left (`MARGIN_SDS` sds of it)."""
-    _, y1, _, y2 = at.state
-    if sides[0] == 0 and sides[1] == 0:
-        return hold_only((0, 0))
-    press1, press2 = presses(c, at.tau, y1, y2, sides)
-    lift = MARGIN_SDS * spread / math.sqrt(at.left)
-    by_driver = lift * math.sqrt(1.0 + max(c.beta1, c.beta2) ** 2)
-    lift2 = by_driver if sides[0] != 0 else lift * abs(c.beta1 - c.beta2)
-    if (sides[0] != 0 and press1 <= by_driver) or (sides[1] != 0 and press2 <= lift2):
-        return hold_only((0, 0))
-    return hold_only(sides)
+def leave_lifted(c: Constants, left: float, closed: Ints, spread: float, bodies: Bodies) -> None:
+    """Open all meshes at rest if one of them is not held by more than what noise could overcome
+    over the time left (`MARGIN_SDS` sds of it).
+
+    The force in a closed mesh i is what all that is locked below it needs beyond its own free
+    motion (docs/model.md section 10).  With the excitation ``a = alpha + sigma eta``, sums M and B
+    over that part, and `v_i' = 0` where it is locked to the driver, the part of it with a is
+
+        M kappa_i a (f'' + B f')             locked to the driver,
+        M kappa_i a (B - B_root) f'          in a moving body, whose f'' is common to all,
+
+    so that is how the noise acts on it.  What is compared is this force with its own noise: both
+    are those of the mass M, not of the wheel alone.  The noise of the wheel alone would be less
+    by the share of the wheel in M, and hold a light wheel that carries heavy ones although noise
+    lifts it in every other step.
+    """
+    lift = MARGIN_SDS * spread / math.sqrt(left)
+    lifted = False
+    for i in range(closed.size):
+        if closed[i] == 0:
+            continue
+        wheel = c.wheels[i]
+        body = bodies[i]
+        noise = wheel.turn * most_modulation(c.drive, body.beta)
+        if body.root != DRIVER:
+            apart = abs(bodies[body.root].beta - body.beta)
+            noise = wheel.turn * apart * most_velocity(c.drive)
+        # pushes are accelerations of the gap alone
+        noise *= body.mass / (wheel.mass * (1.0 - wheel.share))
+        lifted = lifted or body.push <= lift * noise
+    if lifted:
+        put_all(closed, 0)
 
 
-@lean_internal
+class Bounce(NamedTuple):
+    """The motion of a closed mesh at its wall, in which noise lifts what is pressed there."""
+
+    mass: float  # that moves
+    speed: float  # of it at the start of the time left
+    push: (
+        float  # push, later: acceleration into the wall, at the start of the time left and its end
+    )
+    later: float
+    power: float  # power, more: what noise of unit intensity supplies, at both
+    more: float
+
+
+@inline
+def _bounce(
+    c: Constants,
+    driver: Driver,
+    ahead: Driver,
+    scratch: Scratch,
+    i: int,
+    side: int,
+    moving: bool,
+) -> Bounce:
+    """The motion at a closed mesh: that of its wheel towards the driver, or, where the body with
+    its parent is `moving`, of both towards each other."""
+    wheel = c.wheels[i]
+    u = scratch.bodies[i].speed
+    pull = wheel.beta * u + wheel.gamma
+    if not moving:
+        towards = side * wheel.sign
+        m = wheel.turn * (driver[1] + wheel.beta * driver[0])
+        end_m = wheel.turn * (ahead[1] + wheel.beta * ahead[0])
+        speed = wheel.turn * c.alpha * driver[0] - u
+        push = towards * (pull + wheel.turn * c.alpha * driver[1])
+        later = towards * (wheel.gamma + c.alpha * end_m)
+        half = 0.5 * wheel.mass
+        return Bounce(wheel.mass, speed, push, later, half * m * m, half * end_m * end_m)
+    # the common speed of both wheels hardly changes
+    parent = c.wheels[wheel.parent]
+    by_parent = scratch.bodies[wheel.parent].speed
+    others = wheel.ratio * (parent.beta * by_parent + parent.gamma)
+    end_pull = wheel.beta * wheel.ratio * by_parent + wheel.gamma
+    mass = wheel.mass * (1.0 - wheel.share)
+    m = wheel.first * driver[0]
+    end_m = wheel.first * ahead[0]
+    push = side * (others - pull)
+    later = side * (others - end_pull)
+    half = 0.5 * mass
+    rate = scratch.state[2 * i + 1]
+    return Bounce(mass, rate, push, later, half * m * m, half * end_m * end_m)
+
+
+@inline
 def _hold_quiet(
     c: Constants,
-    at: Progress,
-    distance1: float,
-    distance2: float,
-    sides: Sides,
+    left: float,
+    driver: Driver,
+    ahead: Driver,
     spread: float,
+    scratch: Scratch,
     quiet: Quiet,
-) -> Hold:
-    """Meshes that noise moves too little to be followed: none if they are not pressed shut long and
-    hard enough for that.
+) -> float:
+    """Hold meshes that noise moves too little to be followed, of those that would stick; the bound
+    on the rate of fast impacts, or -1 where none is held.
+
+    All that is locked to the driver behind one mesh of it is held together, or that mesh alone, or
+    not; of moving bodies those of two wheels.
+    """
+    closed = scratch.choices[UNSHAKEN]
+    held = scratch.choices[HELD]
+    group = scratch.choices[GROUP]
+    top = scratch.choices[TOP]
+    bodies = scratch.bodies
+    n = closed.size
+    put_all(held, 0)
+    if not is_any(closed):
+        return -1.0
+    total = 0.0
+    for i in range(n):
+        parent = c.wheels[i].parent
+        top[i] = i if parent < 0 else top[parent]
+    for i in range(n):
+        if closed[i] == 0:
+            continue
+        put_all(group, 0)
+        root = bodies[i].root
+        moving = root != DRIVER
+        count = 0
+        for j in range(n):
+            together = bodies[j].root == root and (moving or top[j] == i)
+            if closed[j] != 0 and together:
+                group[j] = closed[j]
+                count += 1
+        if (moving and count > 1) or (not moving and top[i] != i):
+            continue
+        above = -1.0
+        while above < 0.0 and count > 0:
+            above = _bound_fast(c, left, driver, ahead, moving, spread, scratch, quiet)
+            if above < 0.0:
+                put_all(group, 0)
+                group[i] = closed[i]
+                count = 1 if count > 1 else 0
+        if above >= 0.0:
+            total += above
+            for j in range(n):
+                held[j] += group[j]
+    if not is_any(held):
+        return -1.0
+    copy_state(scratch.sides, held)
+    for i in range(n):
+        if held[i] == 0:
+            scratch.unfollowed[0, i] = 0.0
+            scratch.unfollowed[1, i] = 0.0
+    return total
+
+
+@inline
+def _bound_fast(
+    c: Constants,
+    left: float,
+    driver: Driver,
+    ahead: Driver,
+    moving: bool,
+    spread: float,
+    scratch: Scratch,
+    quiet: Quiet,
+) -> float:
+    """A bound on the rate of impacts faster than ``quiet.slow`` at meshes that are held closed
+    together; -1 where they are not pressed shut long and hard enough to be held.
 
     A wheel that is pressed against its wall with an acceleration a has under white noise of
     intensity s impacts of about the speed ``s^2 / a`` every ``s^2 / a^2``.  Pushes and noise are
-    those at the start of the time left and at its end, whichever is worse.
+    those at the start of the time left and at its end, whichever is worse.  An impact at a mesh
+    moves one wheel alone, and the next mesh closes 1 + epsilon times faster.
     """
-    tau = at.tau
-    left = at.left
-    first, second = sides
-    if first == 0 and second == 0:
-        return hold_only((0, 0))
-    _, y1, _, y2 = at.state
-    push1, push2, noise1, noise2 = _pushes(c, tau, y1, y2, sides)
-    end1 = 0.0
-    end2 = 0.0 if second != 0 else y2
-    if first == 0:  # the common speed of both wheels hardly changes
-        end1 = y1 + c.alpha * (
-            velocity_acceleration(c.drive, tau + left)[0] - velocity_acceleration(c.drive, tau)[0]
-        )
-    later1, later2, more1, more2 = _pushes(c, tau + left, end1, end2, sides)
-    push = min(push1, push2)
-    later = min(later1, later2)
+    group = scratch.choices[GROUP]
+    push = math.inf
+    later = math.inf
+    square = 0.0  # of the noise that moves a mesh
+    fastest = 0.0
+    limit = quiet.slow
+    epsilon = 0.0
+    count = 0
+    for i in range(group.size):
+        if group[i] == 0:
+            continue
+        limit /= 1.0 + c.wheels[i].epsilon if count > 0 else 1.0
+        count += 1
+        b = _bounce(c, driver, ahead, scratch, i, group[i], moving)
+        push = min(push, b.push)
+        later = min(later, b.later)
+        square = max(square, 2.0 * spread * spread * max(b.power, b.more) / b.mass)
+        fastest = max(fastest, abs(scratch.state[2 * i + 1]))
+        epsilon = max(epsilon, c.wheels[i].epsilon)
+        motion = 0.5 * b.speed * b.speed + b.push * _nearest_wall(scratch, i)[1]
+        scratch.unfollowed[0, i] = b.mass * motion
+        scratch.unfollowed[1, i] = 0.5 * spread * spread * (b.power + b.more)
     least = min(push, later)
     if least <= 0.0:
-        return hold_only((0, 0))
+        return -1.0
     slope = abs(later - push) / left
-    power = spread * spread
-    # of the noise that moves the mesh: s^2, twice its power over the mass that it moves
-    square = 2.0 * power * max(noise1, more1)
-    slow = quiet.slow
-    speed = abs(y1)
-    if second != 0 and first == 0:
-        square = 2.0 * power * max(noise2, more2) / c.mu
-        speed = abs(y2)
-    elif second != 0:
-        # an impact at mesh 1 moves wheel 1 alone, and mesh 2 closes 1 + epsilon times faster
-        mass = c.mu / (1.0 - c.mu)
-        square = max(square, 2.0 * power * max(noise2, more2) / mass)
-        slow = slow / (1.0 + c.epsilon)
-        speed = max(speed, abs(y2))
-    if quiet.relaxed * square * slope > least * least * least:
-        return hold_only((0, 0))
-    if 2.0 * speed * slope > STEADY_PRESS * (1.0 - c.epsilon) * least * least:
-        return hold_only((0, 0))
+    cube = least * least * least
+    lasts = quiet.relaxed * square * slope <= cube
+    if not lasts or 2.0 * fastest * slope > STEADY_PRESS * (1.0 - epsilon) * least * least:
+        return -1.0
     above = 0.0
     if square > 0.0:
         per_time = least * least / square
-        above = PREFACTOR * per_time * math.exp(-quiet.tail * slow * least / square)
-    if above > quiet.most:
-        return hold_only((0, 0))
-    ended1 = 0.5 * y1 * y1 + push1 * distance1 if first != 0 else 0.0
-    ended2 = 0.0
-    if second != 0:
-        mass = c.mu if first == 0 else c.mu / (1.0 - c.mu)
-        moves = y2 if first == 0 else y1 - y2
-        ended2 = mass * (0.5 * moves * moves + push2 * distance2)
-    power1 = 0.5 * power * (noise1 + more1)
-    power2 = 0.5 * power * (noise2 + more2)
-    return Hold(first, second, ended1, ended2, power1, power2, above)
+        above = PREFACTOR * per_time * math.exp(-quiet.tail * limit * least / square)
+    return above if above <= quiet.most else -1.0
 
 
 @lean_internal
-def add_closed(closed: Floats, p: int, hold: Hold, time: float) -> None:
+def add_closed(closed: Floats, p: int, scratch: Scratch, time: float, above: float) -> None:
     """Add what is not followed of path p while meshes are closed for a time.
 
-    Shapes: `closed` (4, lanes), see `rattle.montecarlo.schemes.lanes.Room`.
+    Shapes: `closed` (wheels + 2, lanes), see `rattle.montecarlo.schemes.lanes.Room`.
     """
-    closed[0, p] += hold.ended1 + hold.power1 * time
-    closed[1, p] += hold.ended2 + hold.power2 * time
-    closed[2, p] += time
-    closed[3, p] += hold.above * time
+    n = scratch.sides.size
+    for i in range(n):
+        closed[i, p] += scratch.unfollowed[0, i] + scratch.unfollowed[1, i] * time
+    closed[n, p] += time
+    closed[n + 1, p] += above * time
 
 
-@lean_internal
-def close_meshes(c: Constants, at: Progress, hold: Hold, walls: Walls) -> Progress:
-    """The path with its closed meshes on their walls."""
-    x1, y1, x2, y2 = at.state
-    wall1, _ = put_on_wall(x1, x2, hold.first, walls)
-    _, wall2 = put_on_wall(x1, x2, 2 * hold.second, walls)
-    if hold.first != 0:
-        x1, y1, x2, y2 = stuck_on(c, x1, y1, x2, y2, 1, wall1)
-    if hold.second != 0 and hold.first != 0:
-        x2 = wall2
-        y2 = 0.0
-    elif hold.second != 0:
-        x1, y1, x2, y2 = stuck_on(c, x1, y1, x2, y2, 2, wall2)
-    return Progress(0, at.tau, at.left, at.noise, (x1, y1, x2, y2))
+@inline
+def close_meshes(c: Constants, scratch: Scratch) -> None:
+    """Put the closed meshes of a path on their walls, in its state."""
+    close(c, scratch.state, scratch.sides, scratch.walls, scratch.bodies)
 
 
-@lean_internal
-def open_part(
-    c: Constants, at: Progress, hold: Hold, walls: Walls
-) -> tuple[Constants, Progress, Walls]:
-    """The stage that is open beside a closed mesh, as a single stage; everything where none is
-    closed."""
-    if hold.first == 0 and hold.second == 0:
-        return c, at, walls
-    x1, y1, x2, y2 = at.state
-    if hold.first != 0:
-        x1 = -x2
-        y1 = -y2
-        walls = Walls(walls.low2, walls.high2, walls.low2, walls.high2)
-    alone = Progress(0, at.tau, at.left, at.noise, (x1, y1, 0.0, 0.0))
-    return open_stage(c, (hold.first, hold.second)), alone, walls
+@inline
+def leave_bodies(c: Constants, scratch: Scratch) -> int:
+    """Write the bodies that the closed meshes of a path leave, and the open meshes; returns how
+    many there are.
 
-
-@lean_internal
-def join_closed(before: Progress, moved: Progress, hold: Hold) -> Progress:
-    """The path after its open stage has moved, with the closed mesh where it was `before`."""
-    if hold.first == 0 and hold.second == 0:
-        return moved
-    x1, y1, x2, y2 = before.state
-    code = moved.code
-    if hold.first != 0:
-        x2 = -moved.state[0]
-        y2 = -moved.state[1]
-        code = -2 * code
-    else:
-        x1 = moved.state[0]
-        y1 = moved.state[1]
-    return Progress(code, moved.tau, moved.left, moved.noise, (x1, y1, x2, y2))
+    Paths come with the same closed meshes step by step: the bodies are kept until others close.
+    """
+    sides = scratch.sides
+    count = list_open(sides, scratch.choices[FREE])
+    left = scratch.choices[LEFT]
+    same = True
+    for i in range(sides.size):
+        same = same and sides[i] == left[i]
+    if not same:
+        free = scratch.choices[FREE, :count]
+        write_bodies(c, sides, free, scratch.bodies, scratch.wheels_beside[:count])
+        copy_state(left, sides)
+    return count
 
 
 @lean_internal
 def stop_at_wall(
     x: float, y: float, before: float, t: float, high: float, low: float
 ) -> tuple[float, float]:
-    """A stage that went beyond a wall in a time t: put on it, with the speed that it had there,
-    until the next step.
+    """A gap that went beyond a wall in a time t: put on it, with the speed that it had there, until
+    the next step.
 
     `before`: Velocity at the start of that time.  The acceleration is taken as constant: what is
     gained beyond the wall must not go into the next impact.
@@ -315,24 +471,28 @@ def stop_at_wall(
     return (high if side > 0.0 else -low), side * math.sqrt(max(y * y - gained, 0.0))
 
 
-@lean_internal
-def stick_to_end(c: Constants, at: Progress, sides: Sides, walls: Walls) -> Progress:
+@internal
+def stick_to_end(c: Constants, at: Progress, scratch: Scratch) -> Progress:
     """The path at the end of its step, with some meshes closed until then."""
-    first, second = sides
-    x1, y1, x2, y2 = close_meshes(c, at, hold_only(sides), walls).state
-    before1 = y1
-    before2 = y2
-    x1, y1, x2, y2 = stick_on(c, at.tau, x1, y1, x2, y2, sides, at.left)
-    if c.stages == 2 and (first == 0 or second == 0):
-        moved, pushed, _, _ = kick(
-            open_stage(c, sides), at.tau, at.left, at.noise.increment, at.noise.area
-        )
-        if first != 0:
-            x2 = x2 - moved
-            y2 = y2 - pushed
-        else:
-            x1 = x1 + moved
-            y1 = y1 + pushed
-    x1, y1 = stop_at_wall(x1, y1, before1, at.left, walls.high1, walls.low1)
-    x2, y2 = stop_at_wall(x2, y2, before2, at.left, walls.high2, walls.low2)
-    return Progress(0, at.tau + at.left, 0.0, Noise(0.0, 0.0), (x1, y1, x2, y2))
+    not_inlined()
+    close_meshes(c, scratch)
+    count = leave_bodies(c, scratch)
+    free = scratch.choices[FREE, :count]
+    c = Constants(c.alpha, c.sigma, scratch.wheels_beside[:count], c.drive, c.memory)
+    s = np.empty(2 * free.size)
+    walls = np.empty(2 * free.size)
+    take_open(scratch.state, free, s)
+    take_open(scratch.walls, free, walls)
+    after = flow(c, at.tau, s, at.left)
+    pushed = np.empty(s.size)
+    kick(c, at.tau, at.left, at.noise.increment, at.noise.area, scratch.series, pushed)
+    for i in range(free.size):
+        x = after[2 * i] + pushed[2 * i]
+        y = after[2 * i + 1] + pushed[2 * i + 1]
+        high = walls[2 * i]
+        low = walls[2 * i + 1]
+        x, y = stop_at_wall(x, y, s[2 * i + 1], at.left, high, low)
+        after[2 * i] = x
+        after[2 * i + 1] = y
+    put_open(scratch.state, free, after)
+    return Progress(0, at.tau + at.left, 0.0, Noise(0.0, 0.0))

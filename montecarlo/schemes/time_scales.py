@@ -6,7 +6,9 @@
 import math
 from typing import NamedTuple
 
-from rattle.scene import Scene
+import numpy as np
+
+from rattle.scene import Constants, Scene
 from rattle.scene.drive import most_modulation, most_velocity
 from rattle.scene.orbit import first_state
 
@@ -32,26 +34,34 @@ class TimeScales(NamedTuple):
 def time_scales(scene: Scene) -> TimeScales:
     """The time scales of a scene."""
     c = scene.constants
-    start = scene.start
-    tolerance = scene.tolerance
-    narrow = (0.0, 0.0)
-    if tolerance is not None and tolerance.distribution != "fixed":
-        # at most to a tenth: few paths have a narrower gap, however large c_max is
-        narrow = min(tolerance.c1_max, 0.9 * c.wall1), min(tolerance.c2_max, 0.9 * c.wall2)
-    gap = min((c.wall1 - narrow[0], c.wall2 - narrow[1])[: c.stages])
-    damping = _over(1.0, max(c.beta1, c.beta2))
-    # largest modulation of excitation and noise in y1 (Eq. 5)
-    most = math.hypot(1.0, c.beta1) if not c.drive else most_modulation(c.drive, c.beta1)
+    wheels = scene.tree
+    # of random gaps at most a tenth: few paths have a narrower one, however large c_max is
+    random = scene.tolerance is not None and scene.tolerance.distribution != "fixed"
+    walls = c.wheels["wall"]
+    narrow = [min(w.tolerance, 0.9 * g) * random for w, g in zip(wheels, walls, strict=True)]
+    gap = float((walls - narrow).min())
+    beta = c.wheels["beta"]
+    damping = _over(1.0, float(beta.max()))
+    # largest modulation of excitation and noise in the rate of a gap at the driver (Eq. 5)
+    first = np.flatnonzero(c.wheels["parent"] < 0)
+    turns = c.wheels["turn"]
+    most = max(float(turns[i]) * _modulation(c, float(beta[i])) for i in first)
+    driver = c.alpha * float(turns[first].max()) * most_velocity(c.drive)
     # a narrow gap bounds the relative speed
-    driven = min(c.alpha * most_velocity(c.drive), 2.0 * math.sqrt(c.alpha * most * gap))
-    drags = (c.gamma1, c.beta1), (c.gamma2, c.beta2)
-    dragged = (min(_over(gamma, beta), 2.0 * math.sqrt(gamma * gap)) for gamma, beta in drags)
-    typical = max(driven, *dragged, *(abs(start.y1), abs(start.y2))[: c.stages])
+    driven = min(driver, 2.0 * math.sqrt(c.alpha * most * gap))
+    dragged = (min(_over(w.gamma, w.beta), 2.0 * math.sqrt(w.gamma * gap)) for w in wheels)
+    starting = np.abs(scene.start_state[1::2]).max()
+    typical = max(driven, *dragged, float(starting))
     noise = c.sigma * most
     shaking = _over(gap, noise) ** (2.0 / 3.0)
     if shaking > damping:
         shaking = max(damping, _over(gap, noise * damping) ** 2)
     return TimeScales(damping, _over(gap, typical), shaking, _over(_leaving(scene), noise) ** 2)
+
+
+def _modulation(c: Constants, beta: float) -> float:
+    """Bound of ``|f'' + beta f'|``."""
+    return math.hypot(1.0, beta) if not c.drive else most_modulation(c.drive, beta)
 
 
 MEMORY_REASON = "a longer step cannot follow the memory of the noise"
@@ -68,11 +78,11 @@ def _over(a: float, b: float) -> float:
 
 
 def _leaving(scene: Scene) -> float:
-    """Slowest speed with which a stage leaves a wall at the start; infinite if none does."""
-    c = scene.constants
-    x1, y1, x2, y2 = first_state(scene)
-    stages = ((x1, y1, c.wall1), (x2, y2, c.wall2))[: c.stages]
-    return min((abs(y) for x, y, wall in stages if abs(x) >= wall), default=math.inf)
+    """Slowest speed with which a gap leaves a wall at the start; infinite if none does."""
+    state = first_state(scene)
+    walls = scene.constants.wheels["wall"]
+    leaving = np.abs(state[::2]) >= walls
+    return float(np.abs(state[1::2])[leaving].min(initial=math.inf))
 
 
 def least_limit(limits: dict[str, float]) -> Limit:

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from rattle.scene import SECTION, Floats, Ints
+from rattle.scene import Floats, Ints, section_names
 
 RUN_BATCHES = 32
 """Number of batches; a standard error estimated from 32 batches is itself known to 1/8 (1 / sqrt(2
@@ -24,28 +24,31 @@ class Batches:
     """
 
     # n, mean, squares: paths that had the impact, their mean, and the sum of squares about it;
-    # (RUN_BATCHES, impacts, 6)
+    # (RUN_BATCHES, impacts, quantities)
     n: Floats
     mean: Floats
     squares: Floats
     # mean of the control variate, whose expectation is zero; 0 without one; (RUN_BATCHES, impacts,
-    # 6)
+    # quantities)
     control: Floats
 
     @classmethod
-    def empty(cls, impacts: int) -> "Batches":
+    def empty(cls, impacts: int, quantities: int) -> "Batches":
         """Batches without paths."""
-        return cls(*np.zeros((4, RUN_BATCHES, impacts, 6)))
+        return cls(*np.zeros((4, RUN_BATCHES, impacts, quantities)))
 
     def add(self, block: int, sums: dict[str, Any]) -> None:
         """Add a block's sums, by the pairwise update of Chan, Golub and LeVeque (1979)."""
         b = block % RUN_BATCHES
         s = sums.get("section")
-        own, mean, squares = (s.n, s.mean[0], s.sums[0]) if s else sums["weighted"].batch()
-        n = self.n[b] + own
+        before = self.n[b]
+        own, mean, squares = (
+            (s.n, s.mean[0], s.sums[0]) if s else sums["weighted"].batch(before.shape[1])
+        )
+        n = before + own
         share = np.divide(own, n, out=np.zeros_like(n), where=n > 0.0)
         away = mean - self.mean[b]
-        self.squares[b] += squares + away**2 * self.n[b] * share
+        self.squares[b] += squares + away**2 * before * share
         self.mean[b] += away * share
         if "control" in sums:
             self.control[b] += (sums["control"].mean[1] - self.control[b]) * share
@@ -53,8 +56,8 @@ class Batches:
 
     @property
     def sd(self) -> Floats:
-        """Standard deviation in each batch, shape (RUN_BATCHES, impacts, 6); NaN where no path had
-        the impact."""
+        """Standard deviation in each batch, shape (RUN_BATCHES, impacts, quantities); NaN where no
+        path had the impact."""
         with np.errstate(invalid="ignore", divide="ignore"):
             return np.asarray(np.sqrt(self.squares / self.n))
 
@@ -68,9 +71,11 @@ HISTOGRAM_REACH = 6.0
 class Histograms:
     """Counts over equal bins, for every impact and section quantity."""
 
-    low: Floats  # low, width: lower edge of the first bin, and width of a bin; (impacts, 6)
+    # low, width: lower edge of the first bin, and width of a bin; (impacts, quantities)
+    low: Floats
     width: Floats
-    # the first and last count values below and above the bins; (impacts, 6, HISTOGRAM_BINS + 2)
+    # the first and last count values below and above the bins; (impacts, quantities,
+    # HISTOGRAM_BINS + 2)
     counts: Ints
 
     @classmethod
@@ -78,9 +83,9 @@ class Histograms:
         """Empty histograms that reach `HISTOGRAM_REACH` standard deviations of a sample to both
         sides of its mean.
 
-        Shapes: `section` (paths, impacts, 6).
+        Shapes: `section` (paths, impacts, quantities).
         """
-        impacts = section.shape[1]
+        _, impacts, quantities = section.shape
         seen = np.isfinite(section)
         n = np.maximum(seen.sum(axis=0), 1)
         mean = np.where(seen, section, 0.0).sum(axis=0) / n
@@ -89,13 +94,13 @@ class Histograms:
         return cls(
             mean - HISTOGRAM_REACH * sd,
             2.0 * HISTOGRAM_REACH * sd / HISTOGRAM_BINS,
-            np.zeros((impacts, 6, HISTOGRAM_BINS + 2), np.int64),
+            np.zeros((impacts, quantities, HISTOGRAM_BINS + 2), np.int64),
         )
 
     def add(self, section: Floats) -> None:
         """Count a block of paths.
 
-        Shapes: `section` (paths, impacts, 6).
+        Shapes: `section` (paths, impacts, quantities).
         """
         _, impacts, quantities = section.shape
         seen = np.isfinite(section)
@@ -111,7 +116,7 @@ class Histograms:
         Shapes: `edges` (HISTOGRAM_BINS + 1,); `density` (HISTOGRAM_BINS,).
         """
         k = impact - 1
-        i = SECTION.index(quantity)
+        i = section_names(self.low.shape[1] // 2 - 1).index(quantity)
         edges = self.low[k, i] + self.width[k, i] * np.arange(HISTOGRAM_BINS + 1)
         counts = self.counts[k, i]
         return edges, counts[1:-1] / max(counts.sum(), 1) / self.width[k, i]

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from rattle.scene import SECTION, Floats
+from rattle.scene import Floats, section_names
 from rattle.scene.elementary import powers
 
 Orders = tuple[tuple[int, int], ...]
@@ -47,12 +47,23 @@ is 1.5.
 """
 
 
+def quantities_in(columns: Mapping[str, Any]) -> tuple[str, ...]:
+    """The section quantities of a table of moments."""
+    wheels = sum(name[0] == "x" and name[1:].isdigit() for name in map(str, columns))
+    return section_names(wheels)
+
+
+def quantity_at(place: int) -> str:
+    """The section quantity at a place among them, which is the same for any number of wheels."""
+    return section_names(place)[place]
+
+
 def stack_section(columns: Mapping[str, NDArray[Any]], prefix: str = "") -> Floats:
     """The columns of all section quantities whose names have a prefix.
 
     Shapes: `columns` (impacts,); result (quantities, impacts).
     """
-    return np.array([columns[prefix + q] for q in SECTION], dtype=float)
+    return np.array([columns[prefix + q] for q in quantities_in(columns)], dtype=float)
 
 
 def variance_of(

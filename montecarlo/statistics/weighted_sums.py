@@ -121,12 +121,12 @@ class WeightedSums:
         """Total weight of each row."""
         return np.asarray(self.sums[..., 0].sum(axis=0))
 
-    def batch(self) -> tuple[Floats, Floats, Floats]:
-        """Weight, mean and sum of squares of the section quantities."""
+    def batch(self, quantities: int) -> tuple[Floats, Floats, Floats]:
+        """Weight, mean and sum of squares of the first variables, the section quantities."""
         with np.errstate(invalid="ignore", divide="ignore"):
-            w, first, second = (self.sums[:, :, :6, o].sum(axis=0) for o in range(3))
+            w, first, second = (self.sums[:, :, :quantities, o].sum(axis=0) for o in range(3))
             off = np.nan_to_num(first / w)
-        return w, self.centre[:, :6] + off, np.maximum(second - off * first, 0.0)
+        return w, self.centre[:, :quantities] + off, np.maximum(second - off * first, 0.0)
 
     def moments(self) -> dict[str, Floats]:
         """Mean, sd, skewness and excess kurtosis with standard errors, as `single_statistics` has

@@ -17,7 +17,6 @@ from .compare.validation.validate import validate as validate
 from .montecarlo import Record as Record
 from .montecarlo import Sampling as Sampling
 from .montecarlo import simulate as simulate
-from .montecarlo import simulate_rare as simulate_rare
 from .montecarlo import simulate_to as simulate_to
 from .scene import DAT21 as DAT21
 from .scene import Gears as Gears
@@ -26,6 +25,7 @@ from .scene import Order as Order
 from .scene import Scene as Scene
 from .scene import Start as Start
 from .scene import Tolerance as Tolerance
+from .scene import Wheel as Wheel
 from .scene.measured_drive import measure_drive as measure_drive
 from .scene.threshold import rattle_threshold as rattle_threshold
 

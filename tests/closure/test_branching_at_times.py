@@ -9,7 +9,7 @@ from random_gears import gear_sets, noisy
 
 from rattle.closure import follow, mean_map
 from rattle.montecarlo import Record, simulate
-from rattle.scene import DAT21, STATE, InputError, Scene, Tolerance
+from rattle.scene import DAT21, InputError, Scene, Tolerance, state_names
 
 IMPACTS = 6
 LEEWAY = 4.5  # standard errors: the largest of 500 rows is that far off once in 300 tables
@@ -59,7 +59,7 @@ def outside(scene, allowed, sampled, closure):
     sampled = sampled[sampled.index < m.trace.span[1]]
     predicted = m.at_times(sampled.index)
     count = 0
-    for name in STATE[: 2 * scene.stages]:
+    for name in state_names(scene.stages):
         variance = sampled[f"cov_{name}_{name}"]
         sd = variance**0.5
         leeway = LEEWAY * sampled[f"se_{name}"] / sd
@@ -87,7 +87,7 @@ def test_in_flight_at_small_noise_it_is_the_saltation_closure(scene):
     O(sigma^2)."""
     tau = follow(scene, IMPACTS).tau
     times = 0.5 * (tau[1:] + tau[:-1])
-    names = [*STATE[: 2 * scene.stages]]
+    names = [*state_names(scene.stages)]
     variances = [f"cov_{name}_{name}" for name in names]
     off = []
     for noise in (1e-4, 1e-5):

@@ -2,11 +2,11 @@ import math
 
 import numpy as np
 import pytest
-from oracle import two_stages
+from oracle import gearbox
 from reference_moments import stage_moments_after_flight
 
 from rattle.closure import follow, mean_map
-from rattle.scene import DAT21, STATE, Scene, Start, Tolerance
+from rattle.scene import DAT21, Scene, Start, Tolerance, state_names
 
 PHI0 = 1 / math.sqrt(2 * math.pi)
 
@@ -14,7 +14,7 @@ PHI0 = 1 / math.sqrt(2 * math.pi)
 def covariances(scene, orbit, wrong=lambda r: r):
     """Covariance just before each impact of an orbit: its own differential equation, impacts by
     section 3."""
-    box = two_stages(scene.constants)
+    box = gearbox(scene.constants)
     impacts = wrong([box.restitution(mesh) for mesh in range(3)])
     cov = np.zeros((4, 4))
     found = [np.zeros((4, 4))]
@@ -58,7 +58,7 @@ def test_covariance_is_that_of_its_own_equation(name):
         assert found[k] == pytest.approx(exact[k], rel=0, abs=1e-9 * abs(exact[k]).max())
     before = m.at_times([m.trace.tau[12] - 1e-10]).iloc[0]  # the impact
     assert before["cov_y1_y2"] == pytest.approx(found[12][1, 3], abs=1e-8 * abs(found[12]).max())
-    assert before[[*STATE]].to_numpy() == pytest.approx(m.trace.mean[12], abs=1e-8)
+    assert before[[*state_names(2)]].to_numpy() == pytest.approx(m.trace.mean[12], abs=1e-8)
 
 
 def test_a_wrong_restitution_is_distinguished():
@@ -74,8 +74,7 @@ def test_raw_moments_of_a_stage_are_those_of_their_hierarchy(order):
     """Nothing Gaussian is assumed there; negative control: Eq. 15 at an impact, -eps E[.. zeta^p]
     and not (-eps)^p."""
     scene = Scene.from_gears(DAT21, sigma=0.3, stages=1)
-    c = scene.constants
-    box = two_stages(c)
+    box = gearbox(scene.constants)
     m = mean_map(scene, impacts=3, closure="corrected", order=order)
     p = np.arange(order + 1)
     right, wrong = np.zeros((2, order + 1, order + 1))
@@ -85,11 +84,15 @@ def test_raw_moments_of_a_stage_are_those_of_their_hierarchy(order):
         t = m.trace.tau[k] - m.trace.tau[k - 1]
         right, wrong = (
             stage_moments_after_flight(
-                raw * factor, c.beta1, begin, t, lambda s: (c.sigma * box.modulation(s)[0]) ** 2
+                raw * factor,
+                scene.beta1,
+                begin,
+                t,
+                lambda s: (scene.sigma * box.modulation(s)[0]) ** 2,
             )
             for raw, factor in (
-                (right, (-c.epsilon) ** p),
-                (wrong, np.where(p > 0, -c.epsilon, 1.0)),
+                (right, (-scene.epsilon) ** p),
+                (wrong, np.where(p > 0, -scene.epsilon, 1.0)),
             )
         )
     assert m.trace.raw[3, 0] == pytest.approx(right, rel=1e-7, abs=1e-10)

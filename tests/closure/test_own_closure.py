@@ -136,7 +136,7 @@ def test_a_table_that_cannot_be_read_is_refused_by_field_value_and_remedy(functi
         (("mine", copy, 3), "closure.at_times = 3: cannot be called"),
         (("mine", copy, None, ("sd_tua",)), "closure.predicts = 'sd_tua': did you mean 'sd_tau'"),
         (("mine", copy, None, "tau"), "closure.predicts = 'tau': give a list of columns"),
-        (("mine", copy, None, (), 3), "closure.stages = 3: give 1 or 2"),
+        (("mine", copy, None, (), 33), "closure.stages = 33: must be at most 32"),
     ],
 )
 def test_what_cannot_be_a_closure_is_refused(arguments, message):
@@ -176,7 +176,7 @@ def test_missing_columns_and_stages_are_those_that_it_says():
             impacts=2,
             closure=Closure("mine", table(tau=[0.5, 0.9]), predicts=["tau", "sd_tau"]),
         )
-    with pytest.raises(InputError, match=r"scene\.stages = 2: closure 'mine' is made for 1 stage"):
+    with pytest.raises(InputError, match=r"scene\.stages = 2: closure 'mine' is made for 1 wheel"):
         mean_map(SCENE, impacts=2, closure=Closure("mine", copy, stages=1))
 
 

@@ -8,7 +8,7 @@ import pytest
 from common_scenes import SCENES
 
 from rattle import Record, follow, mean_map, simulate
-from rattle.scene import DAT21, SECTION, STATE, Scene, Start, Tolerance
+from rattle.scene import DAT21, Scene, Start, Tolerance, section_names, state_names
 
 dat21 = partial(Scene.from_gears, DAT21)
 TOLERANCES = {
@@ -55,13 +55,13 @@ def standard_errors(scene, run, prefixes, order=4):
     """By how many standard errors a prediction is off the sample in what varies, as far as all
     paths follow the orbit; by column, one row an impact."""
     section = run.section
-    speed = section["y1"].where(section["mesh"] == 1, section["y2"]).abs()
+    speed = section["y1"].where(section["mesh"] == 1, section.get("y2")).abs()
     # the noise is small until times spread, or an impact all but grazes
     small = (section["agreement"] == 1.0) & (section["sd_tau"] < 0.04) & (speed > SLOW)
     section = section[small.cummin()]
     predicted = mean_map(scene, impacts=12, order=order).section.loc[section.index]
     off = {}
-    for quantity in SECTION[: 2 + 2 * scene.stages]:
+    for quantity in section_names(scene.stages):
         for name in (prefix + quantity for prefix in prefixes):
             z = (predicted[name] - section[name]).abs() / section[f"se_{name}"]
             off[name] = z[section[f"sd_{quantity}"] > 1e-9]
@@ -88,12 +88,13 @@ def excess(run, closure, scale=1.0):
     assert len(fixed) >= 3
     predicted = mean_map(run.scene, impacts=12, closure=closure).at_times(fixed.index)
     worst = []
-    for name in (f"cov_{q}_{q}" for q in STATE[: 2 * stages]):
+    for name in (f"cov_{q}_{q}" for q in state_names(stages)):
         worst.append((scale * predicted[name] - fixed[name]).abs() / fixed[f"se_{name}"])
     for name in ("rho1", "rho2")[:stages]:
         off = (predicted[name] - fixed[name]).abs()
         worst.append((off - ROUNDED) / fixed[f"se_{name}"])
-    still = (fixed["cov_x2_x2"] < 1e-15) & (stages == 2)  # before what stage 1 does to it
+    last = f"x{stages}"
+    still = fixed[f"cov_{last}_{last}"] < 1e-15  # before what the other wheels do to it
     return np.array(worst)[:, ~still]
 
 

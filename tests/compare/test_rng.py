@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 import rattle
-from rattle import DAT21, InputError, Scene, boundary, simulate, simulate_rare, validate
+from rattle import DAT21, InputError, Scene, boundary, simulate, validate
 from rattle.compare import closure_sensitivity
+from rattle.montecarlo import simulate_rare
 
 SCENE = Scene.from_gears(DAT21, sigma=0.01)
 

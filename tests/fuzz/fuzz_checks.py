@@ -12,7 +12,7 @@ from fuzz_must import FAINTEST, SLACK, Ended, finite, has_verdicts, must, own, r
 from rattle import validate
 from rattle.closure import CLOSURES, MeanMap, follow, mean_map
 from rattle.montecarlo import SCHEMES
-from rattle.scene import STATE, RattleError, Scene
+from rattle.scene import RattleError, Scene, state_names
 from rattle.scene.flight import field
 from rattle.scene.long_orbit import LongOrbit
 
@@ -64,8 +64,8 @@ def orbit(scene: Scene, settings: dict[str, Any]) -> Ended:
     side = found.side[impacts]
     must(found.before[impacts, 2 * struck] == side * walls[struck], "not on its wall", found)
     must(found.before[impacts, 2 * struck + 1] * side > 0.0, "not outward", found)
-    places = abs(found.before[impacts, : 2 * scene.stages : 2])
-    must(places <= walls[: scene.stages] * (1.0 + 1e-9) + 1e-14, "outside", found)
+    places = abs(found.before[impacts, ::2])
+    must(places <= walls * (1.0 + 1e-9) + 1e-14, "outside", found)
     return ("stopped", _reason(found.stopped)) if found.stopped else ("complete", "")
 
 
@@ -99,14 +99,15 @@ def closure(name: str) -> Callable[[Scene, dict[str, Any]], Ended]:
         must(
             (found["flight"] >= 0.0) | ~found["realizable"], "time runs backwards", found["flight"]
         )
-        must(set(m.itinerary[:n]) <= {-2, -1, 1, 2} and set(m.itinerary[n:]) <= {0}, m.itinerary)
+        meshes = set(range(-scene.stages, scene.stages + 1)) - {0}
+        must(set(m.itinerary[:n]) <= meshes and set(m.itinerary[n:]) <= {0}, m.itinerary)
         sds = found[[f"sd_{q}" for q in names]]
         must(~(sds < 0.0).to_numpy() & ~np.isinf(sds.to_numpy()), "sd\n", sds)
         must(~np.isinf(found.to_numpy(float)), "infinite\n", found)
         for column, silent in _unexplained(m, n).items():
             must(~silent, "a number is missing without a reason:", column, "\n", found)
         if name in ("saltation", "corrected"):
-            covariance = m.trace.covariance[1 : n + 1, : 2 * scene.stages, : 2 * scene.stages]
+            covariance = m.trace.covariance[1 : n + 1]
             scales = _scales(m, n)
             well = found["realizable"].to_numpy()
             semidefinite(covariance[well], scales[well])
@@ -120,7 +121,7 @@ def closure(name: str) -> Callable[[Scene, dict[str, Any]], Ended]:
                     covariance[k],
                 )
         if name != "published":
-            rho = found[["rho1", "rho2"]].to_numpy()
+            rho = found[[f"rho{i}" for i in range(1, scene.stages + 1)]].to_numpy()
             must(
                 np.isnan(rho) | (abs(rho) <= 1.0 + SLACK) | ~found[["realizable"]].to_numpy(),
                 "rho",
@@ -136,7 +137,7 @@ def closure(name: str) -> Callable[[Scene, dict[str, Any]], Ended]:
             late = 0.1 * (high - low) < np.spacing(abs(times)).max()
             fixed = m.at_times(times[:0] if late else times)
             must(
-                np.isfinite(fixed[[*STATE[: 2 * scene.stages]]].to_numpy()),
+                np.isfinite(fixed[[*state_names(scene.stages)]].to_numpy()),
                 "moments at fixed times\n",
                 fixed,
             )
@@ -189,10 +190,10 @@ def _scales(m: MeanMap, n: int) -> Any:
     c = m.scene.constants
     sd = np.nan_to_num(m.trace.sd[1 : n + 1])
     rate = [
-        abs(field(c, t, s[1], s[3]))
+        abs(field(c, t, s))
         for t, s in zip(m.trace.tau[1 : n + 1], m.trace.mean[1 : n + 1], strict=True)
     ]
-    return (sd[:, 2:] + np.reshape(rate, (n, 4)) * sd[:, :1])[:, : 2 * m.scene.stages]
+    return sd[:, 2:] + np.reshape(rate, (n, 2 * m.scene.stages)) * sd[:, :1]
 
 
 def _reason(stopped: str) -> str:

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from rattle import Scene
-from rattle.scene import SECTION, STATE, RattleError
+from rattle.scene import RattleError, section_names
 
 FAINTEST = 1e-289  # smallest power of an sd that can be a divisor
 SLACK = 1e-9  # relative rounding error of a correlation and of an eigenvalue
@@ -42,7 +42,7 @@ def must(holds: Any, *what: Any) -> None:
 
 def own(scene: Scene) -> list[str]:
     """The section quantities that a scene has."""
-    return [q for q in SECTION if scene.stages == 2 or q not in STATE[2:]]
+    return list(section_names(scene.stages))
 
 
 def semidefinite(covariance: Any, scales: Any = None) -> None:
@@ -82,9 +82,6 @@ def has_verdicts(table: Any) -> None:
 
 def finite(scene: Scene) -> bool:
     """Whether compiled code gets finite numbers only."""
-    constants = scene.constants
-    return bool(
-        np.isfinite(
-            np.hstack([*constants._replace(drive=0.0), *map(np.ravel, constants.drive)])
-        ).all()
-    )
+    c = scene.constants
+    numbers = [c.alpha, c.sigma, c.memory, *np.ravel(c.wheels.tolist()), *map(np.ravel, c.drive)]
+    return bool(np.isfinite(np.hstack(numbers)).all())

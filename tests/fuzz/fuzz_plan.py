@@ -16,6 +16,7 @@ ALONE = 2  # paths that may take the default horizon, of up to ten million steps
 USUAL = 0.3  # smallest step with the default horizon, in units of the default step
 # steps of the default horizon above which entries without another horizon are tried rarely
 SOON = 1e5
+CODES = {1: (1, -1), 2: (1, -1, 2, -2)}  # of impacts, by number of wheels
 Settings = dict[str, Any]
 
 
@@ -78,7 +79,8 @@ def _run(scheme: str) -> Callable[[Numbers, Scene], Settings]:
         else:
             out["increments"] = n.one("gaussian", "gaussian", "two-point")
         if n.often(0.2):
-            out["itineraries"] = {"mine": tuple(n.one(1, -1, 2, -2) for _ in range(impacts))}
+            codes = CODES[scene.stages]
+            out["itineraries"] = {"mine": tuple(n.one(*codes) for _ in range(impacts))}
         return (
             out
             | {name: n.often(0.3) for name in ("histogram", "batches", "energy")}

@@ -6,7 +6,6 @@ flight is judged by itself, from where the path was at the impact before: what o
 the next makes worse by as much as the orbit is unstable, and that is no error of the scheme.
 """
 
-import math
 import warnings
 from collections.abc import Callable
 from typing import Any
@@ -16,9 +15,9 @@ from fuzz_must import FAINTEST, SLACK, Ended, must, own, semidefinite
 from settings import recorded
 
 from rattle.montecarlo import Ensemble, simulate, simulate_to
-from rattle.scene import SECTION, Constants, Scene, Tolerance
+from rattle.scene import Constants, Floats, Scene, Tolerance
 from rattle.scene.flight import flow, wheel_speeds
-from rattle.scene.impact import struck
+from rattle.scene.impact import strike
 
 OVERSHOOTS = ("euler-maruyama",)
 """Schemes that detect walls at the end of a step only, so that a stage may be left beyond its wall
@@ -44,8 +43,7 @@ def scheme(name: str) -> Callable[[Scene, dict[str, Any]], Ended]:
         if settings.get("step_bias"):
             must(~np.isinf(run.step_bias["bias"].to_numpy()), "bias")
         if run.raw is not None and given["raw"]:
-            raw = np.asarray(run.raw)
-            of_its_paths(scene, raw[..., [0, 1, 2, 3, 6]] if scene.stages == 1 else raw, name)
+            of_its_paths(scene, np.asarray(run.raw), name)
             follows_the_flow(run)
         return ("stopped", "unfinished paths") if run.unfinished else ("complete", "")
 
@@ -119,18 +117,17 @@ def _shares(run: Ensemble, reached: Any) -> None:
 def _moments(run: Ensemble, reached: Any) -> None:
     table = run.section
     names = own(run.scene)
-    stages = run.scene.stages
     must(~np.isinf(table.to_numpy(float)), "infinite\n", table.T)
     for prefix in ("sd_", "se_", "se_sd_", "se_skew_", "se_kurt_"):
         must(
             ~(table[[prefix + q for q in names]] < 0.0), "a negative spread", prefix, "\n", table.T
         )
-    rho = table[["rho1", "rho2"]].to_numpy()
+    rho = table[[f"rho{i}" for i in range(1, run.scene.stages + 1)]].to_numpy()
     must(np.isnan(rho) | (abs(rho) <= CORRELATION), "rho", rho)
     for name, silent in unexplained(run).items():
         must(~silent, "a number is missing without a reason:", name, "\n", table[name])
     for k in np.flatnonzero(reached > 1):
-        semidefinite(run.covariance[k : k + 1, : 1 + 2 * stages, : 1 + 2 * stages])
+        semidefinite(run.covariance[k : k + 1])
     if "energy" in table:
         must(table["energy"].isna() | (table["energy"] >= 0.0), "energy", table["energy"])
 
@@ -161,8 +158,8 @@ def unexplained(run: Ensemble) -> dict[str, Any]:
     nobody = table["paths"].to_numpy() == 0
     few = [is_random(run.scene) & (table["paths"].to_numpy() < least) for least in range(5)]
     missing: dict[str, Any] = {}
-    for q in own(run.scene):
-        sd = np.sqrt(variance[:, SECTION.index(q)])
+    for i, q in enumerate(own(run.scene)):
+        sd = np.sqrt(variance[:, i])
         for prefix, (least, power, se_power) in LEAST.items():
             missing[prefix + q] = (
                 table[prefix + q].isna().to_numpy() & ~nobody & (sd**power > FAINTEST)
@@ -217,15 +214,15 @@ def of_its_paths(scene: Scene, raw: Any, name: str) -> None:
     must(there[:, 1:] <= there[:, :-1], "a path comes back")
     must(np.isfinite(raw[there]), "a path is not finite")
     must(flight[there] >= 0.0, "a flight runs backwards")
-    must(np.isin(code[there], (-2, -1, 1, 2)), "itinerary")
+    mesh = abs(code[there])
+    must((mesh >= 1) & (mesh <= scene.stages) & (mesh % 1.0 == 0.0), "itinerary")
     must(tau[there] >= scene.phase, "before the start")
     tolerance = scene.tolerance or Tolerance()
-    for i in range(scene.stages):
-        deviation = (tolerance.c1_max, tolerance.c2_max)[i]
-        most = (scene.gap1, scene.gap2)[i] + deviation
-        least = most if tolerance.distribution == "fixed" else most - 2.0 * deviation
+    for i, wheel in enumerate(scene.tree):
+        most = wheel.gap + wheel.tolerance
+        least = most if tolerance.distribution == "fixed" else most - 2.0 * wheel.tolerance
         x, y = raw[there][:, [2 + 2 * i, 3 + 2 * i]].T
-        hit = abs(code[there]) == i + 1
+        hit = mesh == i + 1
         must(abs(x[hit]) <= most * (1.0 + SLACK), "beyond the widest wall", most, x[hit])
         must(abs(x[hit]) >= least * (1.0 - SLACK) - 1e-15 * most, "not on a wall", least, x[hit])
         must(y[hit] * code[there][hit] >= 0.0, "not outward")
@@ -253,44 +250,46 @@ def follows_the_flow(run: Ensemble) -> None:
     for rows in np.asarray(run.raw)[:PATHS]:
         rows = rows[~np.isnan(rows[:, 0])]
         known = scene.tolerance is None or scene.tolerance.distribution == "fixed"
-        before = (scene.phase, *scene.start_state, scene.start.mesh) if known else None
+        before = (scene.phase, scene.start_state, scene.start.mesh) if known else None
         for tau, flight, *end, code in rows[:FLIGHTS]:
-            state = np.nan_to_num(end)  # a single stage has no second
+            state = np.array(end)
             if before is not None:
-                _one_flight(c, before, flight, state, dt, late, scene.windows)
-            before = (tau, *state, int(abs(code)))
+                _one_flight(c, before, flight, state, dt, late, np.array(scene.windows))
+            before = (tau, state, int(abs(code)))
 
 
 def _one_flight(
     c: Constants,
-    before: tuple[float, ...],
+    before: tuple[float, Floats, int],
     flight: float,
-    end: tuple[float, ...],
+    end: Floats,
     dt: float,
     late: float,
-    windows: tuple[float, float],
+    walls: Floats,
 ) -> None:
-    tau, x1, y1, x2, y2, mesh = before
+    tau, state, mesh = before
     # what came later in the same step had begun at these speeds
-    met = abs(y1) + abs(y2)
+    met = abs(state[1::2]).sum()
     if mesh:
-        y1, y2 = struck(c, int(mesh), y1, y2)
-    u1, u2 = wheel_speeds(c, tau, y1, y2)
-    pull = max(c.beta1 * abs(u1) + c.gamma1, c.beta2 * abs(u2) + c.gamma2)
-    drawn = c.alpha * math.hypot(1.0, c.beta1) + 2.0 * pull  # largest acceleration
-    speed = max(abs(y1) + abs(y2), met) + drawn * flight
-    rate = c.alpha + (1.0 + c.beta1 + c.beta2) * drawn  # of an acceleration
+        state = state.copy()
+        strike(c, mesh, state)
+    beta = c.wheels["beta"]
+    pull = (beta * abs(wheel_speeds(c, tau, state)) + c.wheels["gamma"]).max()
+    # largest acceleration
+    driven = c.wheels[c.wheels["parent"] < 0]
+    drawn = c.alpha * np.hypot(driven["second"], driven["first"]).max()
+    drawn += (1.0 + c.wheels["ratio"].max()) * pull
+    speed = max(abs(state[1::2]).sum(), met) + drawn * flight
+    rate = c.alpha + (1.0 + beta.sum()) * drawn  # of an acceleration
     blurred = 4.0 * np.spacing(abs(tau) + flight)  # of a flight that is the difference of two times
     changed = STEPS * dt * (drawn + rate * flight)
     wrong_y = changed + CLOSE * speed + blurred * drawn
     wrong_x = changed * (flight + dt) + CLOSE * speed * flight + (late * dt + blurred) * speed
-    used = 2 * c.stages
-    walls = np.array(windows)[: c.stages]
-    off = np.abs(np.array(flow(c, tau, x1, y1, x2, y2, flight)) - end)[:used]
+    off = abs(flow(c, tau, state, flight) - end)
     must(off[::2] <= wrong_x + CLOSE * walls, "a displacement leaves the flow:", off, end, before)
     must(off[1::2] <= wrong_y, "a speed leaves the flow:", off, end, wrong_y, before, flight)
     # a stage may be left beyond its wall
-    most = np.maximum(walls, np.abs((x1, x2))[: c.stages])
+    most = np.maximum(walls, abs(state[::2]))
     for t in np.linspace(0.0, flight, INSTANTS + 1)[:-1]:
-        place = np.abs(flow(c, tau, x1, y1, x2, y2, t))[:used:2]
+        place = abs(flow(c, tau, state, t))[::2]
         must(place <= most * (1.0 + CLOSE) + wrong_x, "flew through a wall", place, before, t)

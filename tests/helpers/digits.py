@@ -14,7 +14,16 @@ in_digits = mp.workdps(DIGITS)
 
 
 def _betas(c):
-    return mp.mpf(c.beta1 or NIL), mp.mpf(c.beta2 or NIL)
+    return [mp.mpf(wheel.beta or NIL) for wheel in c.wheels]
+
+
+def _turns(c):
+    """Products of the ratios from the driver on, unrounded: between two wheels the driver's push
+    cancels."""
+    turns = []
+    for wheel in c.wheels:
+        turns.append(mp.mpf(wheel.ratio) * (turns[wheel.parent] if wheel.parent >= 0 else 1))
+    return turns
 
 
 def _phi(beta, t):
@@ -30,61 +39,100 @@ def phi_functions(beta, t):
     return float(e), float(g)
 
 
+def _gap(wheel, i, of):
+    """``sign (of_i - k of_parent)`` of a wheel; `of` by wheel."""
+    carried = mp.mpf(wheel.ratio) * of[wheel.parent] if wheel.parent >= 0 else 0
+    return mp.mpf(wheel.sign) * (of[i] - carried)
+
+
+def _deviations(c, s):
+    """Deviations v of the wheels' speeds from the rates of a state."""
+    v = []
+    for i, wheel in enumerate(c.wheels):
+        carried = mp.mpf(wheel.ratio) * v[wheel.parent] if wheel.parent >= 0 else 0
+        v.append(mp.mpf(wheel.sign) * mp.mpf(s[2 * i + 1]) + carried)
+    return v
+
+
 @in_digits
-def flight(c, tau, y1, y2, t):
-    """Changes of x1 and x2 and new y1 and y2 after a flight, in the order of the state; and the sum
-    of the absolute values of their terms."""
-    b1, b2 = _betas(c)
-    a, g1, g2, tau, t = (mp.mpf(v) for v in (c.alpha, c.gamma1, c.gamma2, tau, t))
+def flight(c, tau, s, t):
+    """Changes of the displacements and new rates after a flight, in the order of the state; and the
+    sum of the absolute values of their terms."""
+    a, tau, t = (mp.mpf(v) for v in (c.alpha, tau, t))
     sine = mp.sin(tau)
     cosine = mp.cos(tau)
-    d1, e1, drag1 = _phi(b1, t)
-    d2, e2, drag2 = _phi(b2, t)
-    u1 = a * cosine - y1
-    u2 = u1 + y2
-    s1 = u1 * e1 - g1 * drag1
-    s2 = u2 * e2 - g2 * drag2
-    v1 = u1 * d1 - g1 * e1
-    v2 = u2 * d2 - g2 * e2
-    values = a * (mp.sin(tau + t) - sine) - s1, a * mp.cos(tau + t) - v1, s2 - s1, v2 - v1
     versine = 1 - mp.cos(t)
-    speed = abs(a * cosine) + abs(y1)
-    driven_x = abs(cosine * (mp.sin(t) - e1)) + abs(sine) * versine
-    driven_y = abs(cosine) * (b1 * e1 + versine) + abs(sine * mp.sin(t))
-    sizes = (
-        abs(y1) * e1 + g1 * drag1 + a * driven_x,
-        abs(y1) * d1 + g1 * e1 + a * driven_y,
-        abs(y2) * e2 + speed * abs(e1 - e2) + g1 * drag1 + g2 * drag2,
-        abs(y2) * d2 + speed * abs(d1 - d2) + g1 * e1 + g2 * e2,
-    )
+    moved = []
+    gained = []
+    parts = [_phi(beta, t) for beta in _betas(c)]
+    v = _deviations(c, s)
+    speeds = []
+    turns = _turns(c)
+    for wheel, turn, (d, e, drag), vi in zip(c.wheels, turns, parts, v, strict=True):
+        driver = turn * a
+        speed = driver * cosine - vi
+        speeds.append(abs(driver * cosine) + abs(vi))
+        gamma = mp.mpf(wheel.gamma)
+        moved.append(driver * (mp.sin(tau + t) - sine) - (speed * e - gamma * drag))
+        gained.append(driver * mp.cos(tau + t) - (speed * d - gamma * e))
+    values = []
+    sizes = []
+    for i, (wheel, (d, e, drag)) in enumerate(zip(c.wheels, parts, strict=True)):
+        values += [_gap(wheel, i, moved), _gap(wheel, i, gained)]
+        y = abs(mp.mpf(s[2 * i + 1]))
+        size = [y * e + wheel.gamma * drag, y * d + wheel.gamma * e]
+        if wheel.parent < 0:
+            driver = turns[i] * a
+            size[0] += driver * (abs(cosine * (mp.sin(t) - e)) + abs(sine) * versine)
+            size[1] += driver * (
+                abs(cosine) * (mp.mpf(wheel.beta) * e + versine) + abs(sine * mp.sin(t))
+            )
+        else:
+            parent = c.wheels[wheel.parent]
+            other_d, other_e, other_drag = parts[wheel.parent]
+            k = mp.mpf(wheel.ratio)
+            speed = k * speeds[wheel.parent]
+            size[0] += speed * abs(other_e - e) + k * parent.gamma * other_drag
+            size[1] += speed * abs(other_d - d) + k * parent.gamma * other_e
+        sizes += size
     return [float(v) for v in values], [float(v) for v in sizes]
 
 
 @in_digits
 def jacobian(c, t):
     """The Jacobian of a flight, ``exp(A t)``."""
-    d1, e1, _ = _phi(_betas(c)[0], mp.mpf(t))
-    d2, e2, _ = _phi(_betas(c)[1], mp.mpf(t))
-    rows = [1, e1, 0, 0], [0, d1, 0, 0], [0, e1 - e2, 1, e2], [0, d1 - d2, 0, d2]
-    return [[float(v) for v in row] for row in rows]
+    size = 2 * len(c.wheels)
+    parts = [_phi(beta, mp.mpf(t)) for beta in _betas(c)]
+    rows = mp.eye(size)
+    for j in range(len(c.wheels)):
+        unit = [0] * size
+        unit[2 * j + 1] = 1
+        v = _deviations(c, unit)
+        for i, wheel in enumerate(c.wheels):
+            for at, place in ((2 * i, 1), (2 * i + 1, 0)):
+                moved = [vi * part[place] for vi, part in zip(v, parts, strict=True)]
+                rows[at, 2 * j + 1] = _gap(wheel, i, moved)
+    return [[float(rows[i, j]) for j in range(size)] for i in range(size)]
 
 
 def _responses(c, end):
     """Responses ``Re sum_k C[i, k] exp(rate_k lag)`` of the state at the phase `end` to a unit
     impulse of noise a lag earlier: C and the rates."""
-    b1, b2 = _betas(c)
-    # the modulation of wheel j is -sin + beta_j cos = Re (beta_j + i) exp(i (end - lag))
-    z1 = (b1 + 1j) * mp.expj(end)
-    z2 = (b2 + 1j) * mp.expj(end)
-    amplitudes = mp.matrix(
-        [
-            [z1 / b1, -z1 / b1, 0],
-            [0, z1, 0],
-            [z1 / b1 - z2 / b2, -z1 / b1, z2 / b2],
-            [0, z1, -z2],
-        ]
-    )
-    return amplitudes, (mp.mpc(0, -1), -b1 - 1j, -b2 - 1j)
+    wheels = len(c.wheels)
+    betas = _betas(c)
+    # modulation of wheel j: kappa (beta_j cos - sin) = Re kappa (beta_j + i) exp(i (end - lag))
+    z = [turn * (beta + 1j) * mp.expj(end) for turn, beta in zip(_turns(c), betas, strict=True)]
+    at_rest = [value / beta for value, beta in zip(z, betas, strict=True)]
+    amplitudes = mp.zeros(2 * wheels, 1 + wheels)
+    for i, wheel in enumerate(c.wheels):
+        amplitudes[2 * i, 0] = _gap(wheel, i, at_rest)
+        for j in range(wheels):
+            alone = [0] * wheels
+            alone[j] = z[j]
+            amplitudes[2 * i + 1, 1 + j] = _gap(wheel, i, alone)
+            alone[j] = -at_rest[j]
+            amplitudes[2 * i, 1 + j] = _gap(wheel, i, alone)
+    return amplitudes, (mp.mpc(0, -1), *(-beta - 1j for beta in betas))
 
 
 @in_digits
@@ -97,7 +145,8 @@ def noise(c, tau, t):
         return mp.expm1(rate * time) / rate if rate else time
 
     # Re f Re g = Re (f g + f g*) / 2
-    total = mp.zeros(4)
+    size = 2 * len(c.wheels)
+    total = mp.zeros(size)
     for other, turned in (
         (amplitudes.T, rates),
         (amplitudes.H, [mp.conj(rate) for rate in rates]),
@@ -105,7 +154,7 @@ def noise(c, tau, t):
         integrals = mp.matrix([[integral(r + s) for s in turned] for r in rates])
         total += amplitudes * integrals * other
     scale = mp.mpf(c.sigma) ** 2 / 2
-    return [[float(mp.re(scale * total[i, j])) for j in range(4)] for i in range(4)]
+    return [[float(mp.re(scale * total[i, j])) for j in range(size)] for i in range(size)]
 
 
 @in_digits
@@ -122,35 +171,56 @@ def step_noise(c, tau, h, increment, slope):
 
 
 @in_digits
-def saltation(c, mesh, tau, y1, y2):
+def saltation(c, mesh, tau, before):
     """The saltation matrix ``R + (F+ - R F-) g' / (g' F-)``, and for each entry the sum of the
     absolute values of its terms."""
-    eps = mp.mpf(c.epsilon)
-    restitution = mp.eye(4)
     j = 2 * (mesh - 1)
-    restitution[j + 1, j + 1] = -eps
-    restitution[3 - j, j + 1] = -(1 + eps) * (1 if mesh == 1 else mp.mpf(c.mu))
-    driver = mp.mpf(c.alpha) * mp.cos(tau), -mp.mpf(c.alpha) * mp.sin(tau)
+    size = len(before)
+    restitution = mp.eye(size)
+    struck = c.wheels[mesh - 1]
+    eps = mp.mpf(struck.epsilon)
+    # impulse of a unit rate, over what it changes there
+    mobility = [mp.mpf(0)] * len(c.wheels)
+    mobility[mesh - 1] = 1 / mp.mpf(struck.mass)
+    if struck.parent >= 0:
+        k = mp.mpf(struck.ratio)
+        mobility[struck.parent] = -k / mp.mpf(c.wheels[struck.parent].mass)
+    own = _gap(struck, mesh - 1, mobility)
+    turns = _turns(c)
+    for i, wheel in enumerate(c.wheels):
+        restitution[2 * i + 1, j + 1] -= (1 + eps) * _gap(wheel, i, mobility) / own
 
-    def rate(driver, minus, s):
-        """The drift; of absolute values, with ``minus = 1``, the sum of those of its terms."""
-        u1 = driver[0] + minus * s[1]
-        pull1 = c.beta1 * u1 + mp.mpf(c.gamma1)
-        pull2 = c.beta2 * (u1 + s[3]) + mp.mpf(c.gamma2)
-        return mp.matrix([s[1], driver[1] + pull1, s[3], pull1 + minus * pull2])
+    def rate(s, absolute=False):
+        """The drift, or the sum of the absolute values of its terms."""
+        driver = mp.mpf(c.alpha) * mp.cos(tau)
+        pushed = -mp.mpf(c.alpha) * mp.sin(tau)
+        v = _deviations(c, s)
+        sizes = []
+        forces = []
+        for wheel, turn, vi in zip(c.wheels, turns, v, strict=True):
+            beta = mp.mpf(wheel.beta)
+            forces.append(turn * pushed + beta * (turn * driver - vi) + mp.mpf(wheel.gamma))
+            sizes.append(beta * (abs(turn * driver) + abs(vi)) + mp.mpf(wheel.gamma))
+        out = []
+        for i, wheel in enumerate(c.wheels):
+            force = _gap(wheel, i, forces)
+            if absolute:
+                inner = mp.mpf(wheel.ratio) * sizes[wheel.parent] if wheel.parent >= 0 else 0
+                driven = abs(turns[i] * pushed) if wheel.parent < 0 else 0
+                force = sizes[i] + inner + driven
+            out += [abs(s[2 * i + 1]) if absolute else s[2 * i + 1], force]
+        return mp.matrix(out)
 
-    before = mp.matrix([0, y1, 0, y2])
+    before = mp.matrix([value if i % 2 else 0 for i, value in enumerate(before)])
     after = restitution * before
-    driver_size = [abs(v) for v in driver]
-    f = rate(driver, -1, before)
-    jump = rate(driver, -1, after) - restitution * f
-    size = restitution.apply(abs)
-    jump_size = rate(driver_size, 1, after.apply(abs))
-    jump_size += size * rate(driver_size, 1, before.apply(abs))
-    for i in range(4):
+    f = rate(before)
+    jump = rate(after) - restitution * f
+    size_of = restitution.apply(abs)
+    jump_size = rate(after, absolute=True) + size_of * rate(before, absolute=True)
+    for i in range(size):
         restitution[i, j] += jump[i] / f[j]
-        size[i, j] += jump_size[i] / abs(f[j])
-    return tuple([[float(v) for v in row] for row in m.tolist()] for m in (restitution, size))
+        size_of[i, j] += jump_size[i] / abs(f[j])
+    return tuple([[float(v) for v in row] for row in m.tolist()] for m in (restitution, size_of))
 
 
 @in_digits

@@ -28,6 +28,7 @@ class Wheel(NamedTuple):
     parent: int = 0
     ratio: float = 1.0
     sign: float = 1.0
+    epsilon: float = 0.9
 
 
 class Sine(NamedTuple):
@@ -48,9 +49,9 @@ class Gearbox:
     own.  States are ``(x1, y1, x2, y2, ...)``.
     """
 
-    def __init__(self, wheels, alpha, epsilon, sigma=0.0, drive=SINE):
+    def __init__(self, wheels, alpha, sigma=0.0, drive=SINE):
         self.alpha = alpha
-        self.epsilon = epsilon
+        self.epsilon = [wheel.epsilon for wheel in wheels]
         self.sigma = sigma
         self.drive = drive
         self.gaps = [wheel.gap for wheel in wheels]
@@ -107,7 +108,7 @@ class Gearbox:
         """The matrix of an impact at a mesh (1, 2, ...; 0 for none), which acts on states."""
         rates = np.eye(len(self.gaps))
         if mesh:
-            rates[:, mesh - 1] -= (1.0 + self.epsilon) * self.effect[:, mesh - 1]
+            rates[:, mesh - 1] -= (1.0 + self.epsilon[mesh - 1]) * self.effect[:, mesh - 1]
         return np.kron(np.eye(len(self.gaps)), [[1.0, 0.0], [0.0, 0.0]]) + np.kron(
             rates, [[0.0, 0.0], [0.0, 1.0]]
         )
@@ -177,12 +178,10 @@ class Gearbox:
         return run.y[:, -1].reshape(whole, whole)[:size, :size]
 
 
-def two_stages(c, drive=SINE):
-    """The gearbox of a scene's constants: wheel 2 of a single stage has no wall."""
-    mu = c.mu if c.stages == 2 else 0.5
-    gap2 = c.wall2 if c.stages == 2 else math.inf
+def gearbox(c, drive=SINE):
+    """The gearbox of a scene's constants."""
     wheels = [
-        Wheel(c.beta1, c.gamma1, mu, c.wall1),
-        Wheel(c.beta2, c.gamma2, 1.0 - mu, gap2, parent=1, sign=-1.0),
+        Wheel(w.beta, w.gamma, 1.0 / w.mass, w.wall, w.parent + 1, w.ratio, w.sign, w.epsilon)
+        for w in c.wheels
     ]
-    return Gearbox(wheels, c.alpha, c.epsilon, c.sigma, drive)
+    return Gearbox(wheels, c.alpha, c.sigma, drive)

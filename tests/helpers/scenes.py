@@ -1,6 +1,8 @@
 """Scenes that several folders of tests share."""
 
-from rattle.scene import DAT21, Order, Scene, Start
+import numpy as np
+
+from rattle.scene import DAT21, Order, Scene, Start, Wheel
 
 STICKING = {
     "one stage": Scene(alpha=1.0, epsilon=0.3, beta1=0.05, gamma1=0.8, stages=1),
@@ -24,3 +26,33 @@ STICKING = {
 
 ORDERS = (Order(1, 1.0, 0.2), Order(2, 0.4, 0.3), Order(5, 0.1, -1.0))
 THREE = Scene.from_gears(DAT21, sigma=0.1, drive=ORDERS)
+
+
+def tree(parents, seed=1, alpha=2.0, gamma=0.3, epsilon=(0.6, 0.95), **settings):
+    """A gearbox of unequal wheels, started in flight; drags up to `gamma`."""
+    rng = np.random.default_rng(seed)
+    wheels = [
+        Wheel(
+            beta=10.0 ** rng.uniform(-1.5, -0.3),
+            gamma=gamma * rng.uniform(0.1, 1.0),
+            gap=rng.uniform(0.2, 0.8),
+            mass=rng.uniform(0.3, 2.0) if i else 1.0,
+            parent=parent,
+            ratio=rng.uniform(0.6, 1.5),
+            epsilon=rng.uniform(*epsilon),
+        )
+        for i, parent in enumerate(parents)
+    ]
+    state = [value for wheel in wheels for value in (0.3 * wheel.gap, rng.uniform(-1.0, 1.0))]
+    start = Start(rng.uniform(0.0, 6.0), state=state)
+    return Scene(alpha=alpha, wheels=wheels, start=start, **settings)
+
+
+PARENTS = {
+    "chain of 3": (0, 1, 2),
+    "chain of 5": (0, 1, 2, 3, 4),
+    "tree of 4": (0, 0, 1, 1),
+    "tree of 7": (0, 1, 1, 0, 4, 2, 4),
+}
+TREES = {name: tree(parents, sigma=0.1) for name, parents in PARENTS.items()}
+"""Chains and trees of wheels."""

@@ -1,5 +1,4 @@
-"""The oracle itself for three wheels, which the package does not have: Newton's laws at an impact
-and in contact."""
+"""The oracle itself, for three wheels: Newton's laws at an impact and in contact."""
 
 import numpy as np
 import pytest
@@ -12,10 +11,10 @@ TREES = {"chain": (0, 1, 2), "two wheels on one": (0, 1, 1), "two on the driver"
 
 def gearbox(parents, epsilon=0.6):
     wheels = [
-        Wheel(0.1 * (i + 1), 0.3 - 0.1 * i, 1.0 / MASSES[i], parent=parent, ratio=ratio, sign=sign)
+        Wheel(0.1 * (i + 1), 0.3 - 0.1 * i, 1.0 / MASSES[i], 0.5, parent, ratio, sign, epsilon)
         for i, (parent, ratio, sign) in enumerate(zip(parents, RATIOS, (1, -1, 1), strict=True))
     ]
-    return Gearbox(wheels, alpha=1.2, epsilon=epsilon, sigma=0.3)
+    return Gearbox(wheels, alpha=1.2, sigma=0.3)
 
 
 @pytest.mark.parametrize("name", TREES)

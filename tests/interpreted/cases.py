@@ -12,6 +12,7 @@ from dataclasses import replace
 from unittest import mock
 
 import numpy as np
+from scenes import TREES, tree
 
 from rattle import Sampling
 from rattle.closure import mean_map
@@ -56,8 +57,10 @@ DRIVEN = Scene(
     start=Start(0.3, 0.5, 2.0, mesh=1),
 )
 MEMORY = replace(PAIR, drive=(Order(1), Order(3, 0.2, 0.4)), correlation_time=0.5)
+TREE = TREES["tree of 4"]
 FAR = replace(PAIR, gap1=1e6, gap2=1e6, start=Start(0.0, 0.0, 1.0, 0.0, 1.0))
 SCENES = {
+    "tree": tree((0, 1, 1, 2), 7, alpha=0.6, gamma=1.0, epsilon=(0.1, 0.4)),
     "two stages": PAIR,
     "without noise": replace(PAIR, sigma=0.0),
     "undamped": UNDAMPED,
@@ -142,8 +145,8 @@ def long_run_sums(scene):
     """All sums of two paths of a long run over a period, with the scales of the period before."""
     walk = Walk(scene, np.random.SeedSequence(3), 0, 2)
     seen = []
-    walk.follow(new_sums(2, 1, no_scales(0.1), False), seen=seen)
-    kept = new_sums(2, 1, scales_of_pilot(np.concatenate(seen), 0.1))
+    walk.follow(new_sums(2, 1, no_scales(scene.stages, 0.1), False), seen=seen)
+    kept = new_sums(2, 1, scales_of_pilot(scene.stages, np.concatenate(seen), 0.1))
     walk.follow(kept)
     yield from (kept.main, kept.power, kept.products, kept.histogram, kept.section)
 
@@ -228,7 +231,7 @@ CASES: dict[str, Callable] = {
 """The fewest that reach every line that all scenes with all closures and schemes reach."""
 CASES |= {
     f"orbit, {name}": lambda name=name: orbits(SCENES[name])
-    for name in ("driven", "sticking", "undamped", "in flight")
+    for name in ("driven", "sticking", "undamped", "in flight", "tree")
 }
 
 

@@ -1,15 +1,18 @@
-"""Long paths on a shared Brownian tree: right in distribution, and the same however they are cut
-into stretches."""
+"""Long paths on a shared Brownian tree: right in distribution, the same however they are cut into
+stretches, and not stopped by chatter."""
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from mc_checks import dat21, open_space, orbit_of
-from oracle import two_stages
+from oracle import gearbox
 from scipy.linalg import expm
 
 from rattle.montecarlo import simulate
 from rattle.montecarlo.coupling.paths import LongPath
 from rattle.montecarlo.noise.philox import Word
+from rattle.scene import Scene, Wheel
 
 PAPER = 1.5**0.5
 
@@ -83,6 +86,64 @@ def test_paths_of_one_number_share_their_noise_and_others_do_not():
     b.at[:4] += apart
     for path in (a, b, other):
         path.stretch(500)
-    moved = expm(500 * a.step * two_stages(scene.constants).drift_matrix()) @ apart
+    moved = expm(500 * a.step * gearbox(scene.constants).drift_matrix()) @ apart
     assert b.at[:4] - a.at[:4] == pytest.approx(moved, abs=1e-9)
     assert np.abs(other.at[:4] - a.at[:4] - moved).max() > 0.1
+
+
+SHAFT = Wheel(beta=0.1, gamma=0.3, gap=0.5, epsilon=0.7)
+ON_SHAFT = Wheel(beta=0.1, gamma=2.0, gap=0.3, parent=1, mass=0.2, epsilon=0.3)
+ON_DRIVER = Wheel(beta=0.1, gamma=5.0, gap=0.3, epsilon=0.5)
+
+
+def fast_impacts(tau: np.ndarray, before: np.ndarray, code: np.ndarray) -> np.ndarray:
+    """Times and codes of the impacts that are no chatter, shape (impacts, 2)."""
+    mesh = np.abs(code).astype(int)
+    fast = np.abs(before[np.arange(mesh.size), 2 * mesh - 1]) > 0.2
+    return np.column_stack([tau[fast], code[fast]])
+
+
+def walk(
+    scene: Scene, steps: int, seed: int = 3, depth: int = 12
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Times, states and codes at the impacts of so many steps: full stretches end early."""
+    walker = LongPath(scene, seed, depth=depth)
+    pieces = []
+    while walker.steps < steps:
+        s, _ = walker.stretch(steps - walker.steps, tangent=False)
+        pieces.append((s.flight, s.before, s.code))
+    flight, before, code = map(np.concatenate, zip(*pieces, strict=True))
+    return np.cumsum(flight), before, code
+
+
+@pytest.mark.parametrize("epsilon", [0.3, 0.3001])
+def test_wheels_on_a_shaft_chatter_and_stick_as_the_orbit_does(epsilon):
+    """Through seven phases in which one to three meshes are closed, and the impacts that end them;
+    another restitution is noticed."""
+    other = replace(ON_SHAFT, gamma=2.5, mass=0.3)
+    path = fast_impacts(*walk(Scene(alpha=3.0, wheels=(SHAFT, ON_SHAFT, other)), 97, depth=20))
+    wheels = (SHAFT, replace(ON_SHAFT, epsilon=epsilon), other)
+    orbit = orbit_of(Scene(alpha=3.0, wheels=wheels), 300)
+    expected = fast_impacts(orbit[:, 0], orbit[:, 1:-1], orbit[:, -1])[: len(path)]
+    assert set(np.abs(path[:, 1])) == {1.0, 2.0, 3.0}
+    assert len(path) == 24
+    same = np.allclose(path, expected, rtol=0.0, atol=1e-10)
+    assert same == (epsilon == ON_SHAFT.epsilon)
+
+
+@pytest.mark.parametrize("seed", [3, 4])
+def test_beside_closed_meshes_a_wheel_moves_as_if_it_were_alone(seed):
+    """At the driver, on the same noise and not on another; the two beside it are pressed shut for
+    good.  How finely a step is split differs, which is 1e-7 of such noise."""
+    loose = replace(ON_DRIVER, gamma=0.3)
+    pressed = (ON_DRIVER, replace(ON_DRIVER, mass=2.0))
+    beside = Scene(alpha=1.0, sigma=2e-4, wheels=(loose, *pressed))
+    tau, before, code = walk(beside, 600)
+    of_loose = np.abs(code) == 1
+    closed = (np.abs(before[:, 2::2]) == ON_DRIVER.gap).all(axis=1)
+    assert closed[of_loose & (tau > 10.0)].all()
+    path = fast_impacts(tau[of_loose], before[of_loose], code[of_loose])
+    alone = fast_impacts(*walk(replace(beside, wheels=(loose,)), 600, seed))
+    assert len(path) == len(alone) == 16
+    same = np.allclose(path, alone, rtol=0.0, atol=1e-6)
+    assert same == (seed == 3)

@@ -7,7 +7,7 @@ from mc_checks import agrees, dat21
 
 from rattle import Sampling
 from rattle.montecarlo import simulate
-from rattle.scene import SECTION
+from rattle.scene import section_names
 
 STEP = np.pi / 64.0
 
@@ -25,7 +25,7 @@ def table(scene, control, seed=1, paths=40_000):
 
 
 def columns(section, prefix):
-    return section[[prefix + q for q in SECTION]].to_numpy()
+    return section[[prefix + q for q in section_names(2)]].to_numpy()
 
 
 @pytest.mark.parametrize("sigma", [0.01, 0.1, 1.2])

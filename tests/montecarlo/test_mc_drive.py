@@ -5,12 +5,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from oracle import two_stages
+from oracle import gearbox
 from scenes import ORDERS
 
 from rattle import DAT21, Order, Record, Sampling, Scene, Start, mean_map, simulate
 from rattle.montecarlo import SCHEMES
-from rattle.scene import STATE
+from rattle.scene import state_names
 
 
 @pytest.mark.parametrize(
@@ -39,10 +39,11 @@ def test_without_walls_the_covariance_is_that_of_the_linear_system(scheme, theta
     given = {"paths": 20_480, "impacts": 1, "dt": 5e-3, "scheme": scheme, "rng": 5}
     sampling = Sampling(horizon=1.1)
     run = simulate(scene, record=Record(times=[1.0]), sampling=sampling, **given)
-    names = [f"cov_{a}_{b}" for i, a in enumerate(STATE) for b in STATE[i:]]
+    states = state_names(2)
+    names = [f"cov_{a}_{b}" for i, a in enumerate(states) for b in states[i:]]
     sampled = run.at_times()[names].to_numpy()[0]
     se = run.at_times()[[f"se_{name}" for name in names]].to_numpy()[0]
-    box = two_stages(scene.constants, scene.drive)
+    box = gearbox(scene.constants, scene.drive)
     exact, wrong = (
         box.covariance(0.0, np.zeros((4, 4)), 1.0, memory)[np.triu_indices(4)]
         for memory in (theta, 3.0 * theta)

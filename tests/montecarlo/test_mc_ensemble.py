@@ -213,9 +213,9 @@ def test_single_stage_run_has_no_second_stage():
     record = Record(times=[0.5], step_bias=True)
     run = simulate(dat21(0.2, stages=1), paths=100, impacts=3, dt=5e-3, record=record)
     for table in (run.section, run.at_times()):
-        second = [name for name in table if "2" in name]
-        assert table[second].isna().all(axis=None)
-        assert table.drop(columns=second).notna().any(axis=0).all()
+        assert not [name for name in table if "2" in name]
+        assert table.notna().any(axis=0).all()
     assert (run.section["mesh"] == 1).all()
-    assert np.isfinite(run.covariance[:, :3, :3]).all()
+    assert run.covariance.shape == (3, 3, 3)
+    assert np.isfinite(run.covariance).all()
     assert set(run.step_bias["quantity"]) == {"tau", "flight", "x1", "y1"}

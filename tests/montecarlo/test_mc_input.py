@@ -9,10 +9,11 @@ from mc_checks import stepped as simulate
 from settings import recorded
 
 from rattle.montecarlo import Sampling, largest_step, simulate_rare, simulate_to
-from rattle.scene import InputError, Order, Scene, Start, Tolerance
+from rattle.scene import InputError, Order, Scene, Start, Tolerance, Wheel
 
 ORDERS = dat21(0.1, drive=(Order(50),))
 MEMORY, SHORT = (dat21(0.1, correlation_time=theta) for theta in (1.0, 0.01))
+EIGHT = Scene(alpha=1.0, epsilon=0.5, wheels=[Wheel(beta=0.1, gamma=0.1)] * 8)
 BAD = {
     "no paths": ({"paths": 0}, "paths = 0: must be at least 1"),
     "part of a path": ({"paths": 1.5}, "paths = 1.5: give a whole number"),
@@ -70,7 +71,11 @@ BAD = {
         {"increments": "two-point", "scheme": "exact-flight", "dt": 0.05},
         "works with the Euler-Maruyama schemes only",
     ),
-    "impacts without end": ({"impacts": 10**9}, "impacts"),
+    "impacts without end": ({"impacts": 10**9}, "impacts = 1000000000: must be at most 10000"),
+    "too many impacts of eight wheels": (
+        {"scene": EIGHT, "impacts": 4000},
+        "impacts = 4000: must be at most 3684",
+    ),
     "paths without end": ({"paths": 10**30}, "paths"),
     "workers without end": ({"workers": 10**6}, "workers"),
     "a horizon without end": ({"horizon": 1e300}, "horizon"),

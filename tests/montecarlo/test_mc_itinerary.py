@@ -9,7 +9,10 @@ from rattle import InputError
 from rattle.montecarlo import Record, simulate
 from rattle.montecarlo.ensemble.simulate_rare import begin_rare
 from rattle.montecarlo.kernel.blocks import in_threads
-from rattle.scene import DAT21, SECTION, Scene, Start
+from rattle.scene import DAT21, Scene, Start, section_names
+
+SECTION = list(section_names(2))
+
 
 NOISY = Scene.from_gears(DAT21, sigma=0.1)
 IMPACTS = 4
@@ -32,10 +35,10 @@ def test_moments_are_those_of_the_paths_that_follow_it(run):
         assert section["paths"].tolist() == follow.sum(axis=0).tolist()
         rows = np.where(follow[:, :, None], kept.raw[:, :, :6], np.nan)
         seen = follow.any(axis=0)
-        assert section[list(SECTION)][~seen].isna().all(axis=None)
+        assert section[SECTION][~seen].isna().all(axis=None)
         means = np.nanmean(rows[:, seen], axis=0)
         sds = np.nanstd(rows[:, seen], axis=0)
-        np.testing.assert_allclose(section[list(SECTION)][seen], means, rtol=1e-12)
+        np.testing.assert_allclose(section[SECTION][seen], means, rtol=1e-12)
         columns = ["sd_" + q for q in SECTION]
         np.testing.assert_allclose(section[columns][seen], sds, rtol=1e-10, atol=1e-15)
 

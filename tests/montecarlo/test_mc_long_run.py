@@ -11,7 +11,10 @@ from mc_checks import Walk
 
 import rattle as rt
 from rattle import InputError
-from rattle.scene import DAT21, Scene, Start, Tolerance
+from rattle.montecarlo.long_run.estimates import all_names
+from rattle.montecarlo.long_run.noise_work import CONTROLS
+from rattle.montecarlo.long_run.sums import NOISE
+from rattle.scene import DAT21, Scene, Start, Tolerance, Wheel
 
 SCENE = Scene.from_gears(DAT21, sigma=0.5)
 
@@ -168,6 +171,37 @@ def test_an_elastic_box_is_open_where_its_uniform_displacement_is():
     found = long_run(box, periods=64, paths=64, rng=5).estimates["open_share_mesh1"]
     assert abs(found.value - 0.98) < 4.0 * found.se < 0.01
     assert found.low <= found.value <= found.high
+
+
+FOUR = Scene(
+    alpha=1.5,
+    sigma=1.0,
+    wheels=(
+        Wheel(beta=0.2, gamma=0.02, gap=0.5, epsilon=0.9),
+        Wheel(beta=0.25, gamma=0.05, gap=0.3, mass=0.7, parent=1, ratio=1.4, epsilon=0.8),
+        Wheel(beta=0.1, gamma=0.02, gap=0.4, mass=1.3, parent=1, ratio=0.7, epsilon=0.85),
+        Wheel(beta=0.3, gamma=0.04, gap=0.35, mass=0.5, parent=0, ratio=1.2, epsilon=0.85),
+    ),
+)
+"""Two wheels at the driver, two at the first of them."""
+
+
+def test_a_tree_obeys_the_energy_law():
+    """What drive and noise supply is what damping and impacts take, within 4 standard errors; a
+    mass that is 50 % off is noticed.  The sums of what the noise does have the mean 0."""
+    found = long_run(FOUR, periods=64, paths=64, burn_in=8, rng=2)
+    assert tuple(found.estimates) == all_names(4)
+    heavier = replace(FOUR.wheels[2], mass=1.5 * FOUR.wheels[2].mass)
+    wrong = replace(FOUR, wheels=(*FOUR.wheels[:2], heavier, FOUR.wheels[3]))
+    z = []
+    for scene in (FOUR, wrong):
+        lost, supplied = replace(found, scene=scene).energy_balance()
+        rest = lost - supplied
+        z.append(rest.mean() / rest.std(ddof=1) * math.sqrt(found.paths))
+    assert abs(z[0]) < 4.0 < abs(z[1])
+    work = found.sums.main[:, :, NOISE : NOISE + CONTROLS].sum(axis=1)
+    assert (np.abs(work.mean(axis=0)) < 4.0 * work.std(axis=0, ddof=1) / math.sqrt(len(work))).all()
+    assert sum(d.mesh for d in found.densities) == 10
 
 
 SECOND = 1.0  # of a block of paths and a period

@@ -10,8 +10,8 @@ from mc_checks import limit
 from rattle.montecarlo.noise.brownian import Noise
 from rattle.montecarlo.noise.philox import key_of
 from rattle.montecarlo.schemes.exact_flight import advance_exactly
-from rattle.montecarlo.schemes.step_state import MOST_PARTS, Inside, Progress, Walls
-from rattle.montecarlo.schemes.sticking import hold_only
+from rattle.montecarlo.schemes.lanes import lanes_of
+from rattle.montecarlo.schemes.step_state import Inside, Progress
 from rattle.scene import Scene
 from rattle.scene.compiled import jit
 from rattle.scene.drive import sine_cosine
@@ -29,16 +29,17 @@ DISTANCES = (
 
 
 @jit
-def share_that_hits(c, key, first, paths, distance, room):
+def share_that_hits(c, key, paths, distance, scratch):
     """Share of paths that meet the wall in a time whose increment and area are zero, at rest beside
     it at both ends."""
-    walls = Walls(c.wall1, c.wall1, c.wall2, c.wall2)
     hits = 0
-    s = (c.wall1 - distance, 0.0, 0.0, 0.0)
     for p in range(paths):
-        at = Progress(0, TAU, H, Noise(0.0, 0.0), s)
-        step = Inside(c, key, np.uint64(first + p), 0, 0, s, True, hold_only((0, 0)), room)
-        after, _ = advance_exactly(step, 0, at, sine_cosine(TAU), walls)
+        for state in (scratch.state, scratch.whole):
+            state[0] = WALL - distance
+            state[1] = 0.0
+        at = Progress(0, TAU, H, Noise(0.0, 0.0))
+        step = Inside(c, key, np.uint64(p), 0, 0, True, False, scratch)
+        after, _ = advance_exactly(step, 0, at, sine_cosine(TAU))
         hits += after.code != 0
     return hits / paths
 
@@ -48,9 +49,11 @@ def found(distance, paths):
     c = Scene(
         alpha=0.0, epsilon=1.0, beta1=0.0, gamma1=0.0, gap1=WALL, sigma=1.0, stages=1
     ).constants
-    return share_that_hits(
-        c, key_of(np.random.SeedSequence(1)), 0, paths, distance * SPREAD, np.empty((MOST_PARTS, 3))
-    )
+    walls = np.full((2, 1), WALL)
+    scratch = lanes_of(1, 0, np.zeros((2, 1)), walls, TAU, 5)[1].scratch
+    scratch.walls[:] = WALL
+    key = key_of(np.random.SeedSequence(1))
+    return share_that_hits(c, key, paths, distance * SPREAD, scratch)
 
 
 def truth(paths, pieces=400):

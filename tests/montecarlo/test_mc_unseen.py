@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 from random_gears import PAIR_B
+from scenes import tree
 
-from rattle import Closure, validate
+from rattle import Closure, mean_map, validate
 from rattle.montecarlo.branches import search as branches
 from rattle.montecarlo.branches.search import BranchSearch
 from rattle.scene import DAT21, Scene
@@ -19,7 +20,7 @@ def test_a_rare_branch_has_the_probability_and_the_size_that_eight_million_paths
     found = BranchSearch(PAIR_B, 2).until(1.0)
     (branch,) = [b for b in found.branches if b.impact == 1]
     assert abs(branch.probability - PROBABILITY) < 4.0 * PROBABILITY / np.sqrt(63.0)
-    gap = branch.section[:, 1, 5] - found.orbit[1, 5]
+    gap = branch.rows[:, 1, 5] - found.orbit[1, 5]
     share = (branch.weights * gap**2).sum() / SD**2
     assert 0.2 < share < 0.5  # 0.34 by the kurtosis
 
@@ -43,6 +44,24 @@ def test_a_branch_whose_window_lies_between_the_points_of_the_grid_is_found():
     np.testing.assert_allclose(
         [b.beta * s for (b,), s in zip(found, sigmas, strict=True)], 0.328, rtol=5e-3
     )
+
+
+@pytest.mark.parametrize(
+    "scene",
+    [Scene.from_gears(DAT21, sigma=1e-6), tree((0, 0, 1, 1), sigma=1e-6)],
+    ids=["two wheels", "a tree of four"],
+)
+def test_states_respond_to_the_noise_of_steps_as_their_covariance_says(scene):
+    """So paths near a branch are drawn where it lies; a buffer that was too short by a row made
+    the responses whatever the memory held."""
+    covariance = mean_map(scene, impacts=4, closure="saltation").trace.covariance
+    search = BranchSearch(scene, 4, 800, 0.005)
+    search.until(1.0)
+    assert len(search.responses) == 4
+    for before, response in zip(covariance[1:], search.responses, strict=True):
+        by_steps = np.linalg.norm(response, axis=1)
+        # the part of a step's noise that is left out, its area, only takes from it
+        np.testing.assert_allclose(by_steps, np.sqrt(np.diag(before)), rtol=0.012)
 
 
 def test_an_orbit_that_ends_leaves_later_impacts_unknown():

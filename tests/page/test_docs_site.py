@@ -41,7 +41,7 @@ def site(tmp_path_factory):
     """The site, from a copy of its sources: what is generated beside them stays out of the tree."""
     copy = tmp_path_factory.mktemp("repository")
     out = tmp_path_factory.mktemp("site")
-    listed = ["docs", "reports", "CHANGELOG.md"]
+    listed = ["docs", "examples", "reports", "CHANGELOG.md"]
     listed += ["tests/helpers", *source_tree.PACKAGES]  # whose lines a page counts
     for name in tracked("--cached", "--others", "--exclude-standard", *listed):
         if (ROOT / name).exists():

@@ -22,7 +22,7 @@ COMPILED = pytest.mark.skipif(
 @numba.njit
 def users(c):
     """A user's function of numba, which calls one of ours and numba's own."""
-    return flow(c, 0.0, 0.1, 0.2, 0.0, 0.0, 0.0)[0] + np.zeros(3)[1]
+    return flow(c, 0.0, np.array([0.1, 0.2]), 0.0)[0] + np.zeros(3)[1]
 
 
 @numba.njit

@@ -16,7 +16,7 @@ from digits import in_digits
 from rattle.closure import edgeworth
 from rattle.closure import saltation as linear
 from rattle.montecarlo.schemes import short_flight as short
-from rattle.scene import Constants, damping, drive, flight, moments, tangent
+from rattle.scene import Scene, Start, Wheel, damping, drive, flight, moments, tangent
 
 ROUNDING = 4e-15  # a few roundings of a double
 
@@ -32,28 +32,27 @@ SERIES_ORDER = 6  # of the Edgeworth series
 EPSILONS = (0.0, 1e-12, 0.1, math.exp(-math.pi / math.sqrt(3.0)), 0.9, 1.0 - 2.0**-53, 1.0)
 
 
-def constants(**fields):
-    plain = {
-        "alpha": 1.5,
-        "epsilon": 0.9,
-        "beta1": 0.08,
-        "beta2": 0.13,
-        "gamma1": 0.06,
-        "gamma2": 0.03,
-        "mu": 0.6,
-        "wall1": 0.5,
-        "wall2": 0.5,
-        "sigma": 1.0,
-        "stages": 2,
-    }
-    return Constants(**(plain | fields))
+def constants(betas=(0.08, 0.13), gammas=(0.06, 0.03), parents=(0, 1), ratios=(1.0, 1.0), **fields):
+    """Of wheels with the same restitution and mass, unless the fields say otherwise."""
+    plain = {"alpha": 1.5, "epsilon": 0.9, "sigma": 1.0} | fields
+    wheels = [
+        Wheel(beta=beta, gamma=gamma, mass=1.5**i, parent=parent, ratio=ratio)
+        for i, (beta, gamma, parent, ratio) in enumerate(
+            zip(betas, gammas, parents, ratios, strict=True)
+        )
+    ]
+    start = Start(state=(0.0, 1.0) * len(wheels))
+    return Scene(wheels=wheels, start=start, **plain).constants
+
+
+TREE = {"parents": (0, 1, 1), "ratios": (1.2, 0.7, 1.1)}
 
 
 def flights(seed, points=120):
     """Random scenes, each with a phase and a flight time; dampings are far apart, equal, or equal
-    but for the last digits."""
+    but for the last digits.  Every third is a tree."""
     rng = np.random.default_rng(seed)
-    for _ in range(points):
+    for number in range(points):
         beta = float(rng.choice(BETAS))
         other = float(rng.choice(BETAS))
         near = beta * (1.0 + 2.0 ** -float(rng.integers(1, 53)))
@@ -61,10 +60,14 @@ def flights(seed, points=120):
         if rng.random() >= 0.5:
             betas.reverse()
         alpha = float(rng.choice(spread(1e-8, 1e4, 4, 0.0)))
-        gamma1, gamma2 = (float(v) for v in rng.choice(spread(1e-8, 1e6, 4, 0.0), 2))
+        gammas = [float(v) for v in rng.choice(spread(1e-8, 1e6, 4, 0.0), 2)]
         tau = float(rng.choice([0.0, math.pi, 0.5 * math.pi, rng.uniform(-3.0, 3.0)]))
-        c = constants(alpha=alpha, beta1=betas[0], beta2=betas[1], gamma1=gamma1, gamma2=gamma2)
-        yield c, tau, float(rng.choice(TIMES))
+        tree = {}
+        if number % 3 == 2:
+            betas.append(other)
+            gammas.append(0.5)
+            tree = TREE
+        yield constants(betas, gammas, alpha=alpha, **tree), tau, float(rng.choice(TIMES))
 
 
 def phi_functions():
@@ -77,15 +80,17 @@ def phi_functions():
 def flight_state():
     rng = np.random.default_rng(1)
     for c, tau, t in flights(0):
-        y1, y2 = (rng.choice([-1.0, 1.0], 2) * rng.choice(spread(1e-12, 1e4, 5, 0.0), 2)).tolist()
-        yield flight.displacement(c, tau, y1, y2, t), *digits.flight(c, tau, y1, y2, t)
+        n = len(c.wheels)
+        s = np.zeros(2 * n)
+        s[1::2] = rng.choice([-1.0, 1.0], n) * rng.choice(spread(1e-12, 1e4, 5, 0.0), n)
+        yield flight.flow(c, tau, s, t), *digits.flight(c, tau, s, t)
 
 
 def flight_jacobian():
     """Every entry, with its own relative error."""
     for c, _, t in flights(2):
         exact = np.array(digits.jacobian(c, t))
-        size = np.abs(exact) * (1.0 + max(c.beta1, c.beta2) * t)
+        size = np.abs(exact) * (1.0 + c.wheels["beta"].max() * t)
         yield flight.jacobian(c, t), exact, size
 
 
@@ -114,14 +119,14 @@ def noise_phase_derivative():
 def saltation():
     rng = np.random.default_rng(5)
     for epsilon, speed, mesh in product(EPSILONS, spread(1e-9, 1e4, 8), (1, 2)):
-        beta1, beta2, alpha = (float(v) for v in rng.choice(spread(1e-6, 1e3, 4, 0.0), 3))
-        gamma1 = float(rng.choice([0.0, 1e4]))
-        c = constants(epsilon=epsilon, beta1=beta1, beta2=beta2, alpha=alpha, gamma1=gamma1)
+        *betas, alpha = (float(v) for v in rng.choice(spread(1e-6, 1e3, 4, 0.0), 3))
+        gammas = (float(rng.choice([0.0, 1e4])), 0.03)
+        c = constants(betas, gammas, epsilon=epsilon, alpha=alpha)
         other = float(rng.normal())
         tau = float(rng.uniform(-3.0, 3.0))
-        y1, y2 = (speed, other) if mesh == 1 else (other, -speed)
-        found = tangent.saltation_matrix(c, mesh, tau, y1, y2)
-        yield found, *digits.saltation(c, mesh, tau, y1, y2)
+        before = np.array([0.0, speed, 0.0, other] if mesh == 1 else [0.0, other, 0.0, -speed])
+        found = tangent.saltation_matrix(c, mesh, tau, before)
+        yield found, *digits.saltation(c, mesh, tau, before)
 
 
 def series(seed):
@@ -196,24 +201,32 @@ def steps():
             # largest admissible dt, and beta dt
             longest = min(0.1, 0.2 / max(beta1, beta2, 1e-300))
             for h in (1e-12, 1e-3 * longest, longest):
-                yield constants(beta1=beta1, beta2=beta2), h
+                yield constants((beta1, beta2)), h
+
+
+def fly_step(c, tau, h, s):
+    """The end of a part of a step without noise."""
+    end = np.empty(s.size)
+    series = np.zeros((3 + c.wheels.size, short.MOST_TERMS))
+    short.short_flight(c, c.alpha, 1.0, short.phase_at(c.drive, tau), h, s, 0.0, 0.0, series, end)
+    return end
 
 
 def step_flight():
     """A part of a step without noise."""
     for c, h in steps():
-        phase = drive.sine_cosine(2.2)
-        found, _ = short.short_flight(c, phase, h, (0.0, -0.4, 0.0, 0.5), 0.0, 0.0)
-        yield found, *digits.flight(c, 2.2, -0.4, 0.5, h)
+        s = np.array([0.0, -0.4, 0.0, 0.5])
+        yield fly_step(c, 2.2, h, s), *digits.flight(c, 2.2, s, h)
 
 
 def step_noise():
     """Noise of a step from its Brownian increment, and from its space-time Lévy area."""
     for (c, h), (first, slope) in product(steps(), ((1.0, 0.0), (0.0, 1.0))):
         if h > 1e-12:
-            m = 1.0 + c.beta1
-            apart = abs(c.beta1 - c.beta2) * (1.0 + h)
-            found = short.kick(c, 0.4, h, first, slope / 12.0)
+            beta1, beta2 = c.wheels["beta"]
+            m = 1.0 + beta1
+            apart = abs(beta1 - beta2) * (1.0 + h)
+            found = short.pushed_by(c, 0.4, h, first, slope / 12.0)
             exact = digits.step_noise(c, 0.4, h, first, slope)
             yield found, exact, [m * h, m, apart * h, apart]
 

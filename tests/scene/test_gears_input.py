@@ -3,13 +3,13 @@ cannot be right."""
 
 import math
 import re
-from dataclasses import asdict, replace
+from dataclasses import replace
 
 import pytest
 
 from rattle.scene import DAT21, Gears, InputError, Scene, Start, Tolerance
 
-OTHERS = {name: value for name, value in asdict(DAT21).items() if name != "alpha"}
+OTHERS = {name: value for name, value in DAT21.values.items() if name != "alpha"}
 TEXT = "[gears]\n" + "".join(f"{name} = {value!r}\n" for name, value in OTHERS.items())
 TURNING = "alpha = 1.5\nspeed_rpm = 800.0\ndriver_radius = 30.0\n"
 
@@ -126,7 +126,7 @@ FIRST = (
 
 def test_a_single_stage_needs_no_second_wheel_and_invents_none():
     scene = Scene.from_toml(FIRST + "[scene]\nstages = 1")
-    assert scene.constants == Scene.from_gears(DAT21, stages=1).constants
+    assert scene.tree == Scene.from_gears(DAT21, stages=1).tree
     assert not re.search("(inertia|radius|backlash|damping|torque)2", scene.to_toml() + repr(scene))
     assert Scene.from_toml(scene.to_toml()).gears == scene.gears
     with pytest.raises(
@@ -169,7 +169,7 @@ def test_a_pair_takes_ten_lines_and_says_which_are_missing(tmp_path):
     assert len(lines) <= 10
     scene = Scene.load(written(tmp_path, "\n".join(lines)))
     plain = replace(DAT21, damping1=0.0, damping2=0.0, torque1=0.0, torque2=0.0)
-    assert scene.constants == Scene.from_gears(plain).constants
+    assert scene.tree == Scene.from_gears(plain).tree
     assert Scene.from_toml(scene.to_toml()).gears == plain
     for line in lines[1:]:
         name = line.split()[0]
@@ -179,7 +179,7 @@ def test_a_pair_takes_ten_lines_and_says_which_are_missing(tmp_path):
 
 def load_changed(tmp_path, changes):
     """DAT21 with these values, from a file."""
-    values = asdict(DAT21) | changes
+    values = DAT21.values | changes
     lines = [f"{name} = {value!r}" for name, value in values.items()]
     return Scene.load(written(tmp_path, "\n".join(["[gears]", *lines])))
 

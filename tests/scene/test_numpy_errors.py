@@ -14,10 +14,10 @@ from rattle import (
     Scene,
     mean_map,
     simulate,
-    simulate_rare,
     simulate_to,
     validate,
 )
+from rattle.montecarlo import simulate_rare
 
 SOFT = Scene.from_gears(DAT21, sigma=0.01)
 RECORD = Record(histogram=True, energy=True, on_itinerary=True, times=[0.3, 0.8])

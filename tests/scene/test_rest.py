@@ -6,7 +6,7 @@ from dataclasses import replace
 import numba
 import numpy as np
 import pytest
-from oracle import two_stages
+from oracle import gearbox
 from scenes import STICKING
 from scipy.integrate import solve_ivp
 
@@ -35,17 +35,17 @@ def spring_and_damper(epsilon, stiffness):
 def compliant(c, tau, state, until, stiffness):
     """Solution from a state, with contact forces in the proportions of the impact rules
     (docs/model.md section 3)."""
-    damping = spring_and_damper(c.epsilon, stiffness)
+    damping = [spring_and_damper(e, stiffness) for e in c.wheels["epsilon"]]
 
-    def push(x, y, wall):
+    def push(x, y, wall, damping):
         beyond = x - math.copysign(wall, x)
         return -(stiffness * beyond + damping * y) if beyond * x > 0.0 else 0.0
 
-    box = two_stages(c)
+    box = gearbox(c)
 
     def rate(time, s):
         out = box.rates(time, s)
-        pushes = [push(s[2 * i], s[2 * i + 1], gap) for i, gap in enumerate(box.gaps)]
+        pushes = list(map(push, s[::2], s[1::2], box.gaps, damping))
         out[1::2] += box.effect @ pushes
         return out
 
@@ -64,10 +64,9 @@ def compliant(c, tau, state, until, stiffness):
 def furthest(orbit, since, until, stiffness):
     """Largest distance in x between an orbit and the compliant system started on it, over a stretch
     of time."""
-    used = slice(0, 2 * orbit.constants.stages, 2)
     run = compliant(orbit.constants, since, orbit.state(since), until, stiffness)
     times = np.linspace(since, until, 300)
-    return max(float(np.abs(orbit.state(t) - run.sol(t))[used].max()) for t in times)
+    return max(float(np.abs(orbit.state(t) - run.sol(t))[::2].max()) for t in times)
 
 
 @COMPILED

@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scenes import THREE
+from scenes import THREE, TREES
 
 import rattle.scene
-from rattle.scene import DAT21, FileError, InputError, Scene, Start, Tolerance
+from rattle.scene import DAT21, FileError, InputError, Order, Scene, Start, Tolerance, Wheel
 
 VALUES = {
     "alpha": 1.5,
@@ -34,6 +34,7 @@ def refused(field, value, remedy):
 
 NAN_INF = (float("nan"), float("inf"), float("-inf"))
 NO_NUMBER = ("0.5", None, True, [0.5])
+NEEDED = "is needed, or give wheels"
 NO_COUNT = (2.0, "2", None, True)
 BAD = {
     Scene: (
@@ -57,7 +58,7 @@ BAD = {
         ("draw", None, "valid are 'path', 'contact'"),
     ],
     Start: (
-        [("mesh", 3, "must be at most 2"), ("mesh", -1, "must be at least 0")]
+        [("mesh", 33, "must be at most 32"), ("mesh", -1, "must be at least 0")]
         + [("mesh", value, "give a whole number") for value in NO_COUNT]
     ),
 }
@@ -67,7 +68,15 @@ for kind, names in (
     (Start, ("tau", "x1", "y1", "x2", "y2")),
 ):
     BAD[kind] += [(name, value, "give a finite number") for name in names for value in NAN_INF]
-    BAD[kind] += [(name, value, "give a number") for name in names for value in NO_NUMBER]
+    BAD[kind] += [
+        (
+            name,
+            value,
+            NEEDED if name in ("epsilon", "beta1", "gamma1") and value is None else "give a number",
+        )
+        for name in names
+        for value in NO_NUMBER
+    ]
 
 
 @pytest.mark.parametrize(
@@ -97,6 +106,7 @@ def test_a_tolerance_must_leave_its_gap_open(stage):
         (Start(x2=-0.4, y2=1.0, mesh=2), "start.mesh", 2, "y2 outward; given x2 = -0.4, y2 = 1.0"),
         (Start(x1=0.5, y1=1.0), "start.y1", 1.0, "must move inward, or give mesh=1"),
         (Start(x2=-0.4, y2=0.0), "start.y2", 0.0, "must move inward, or give mesh=2"),
+        (Start(mesh=3), "start.mesh", 3, "a scene of 2 wheels has no mesh 3"),
     ],
 )
 def test_a_start_must_lie_in_the_gap_and_move_to_its_mesh(start, field, value, remedy):
@@ -127,6 +137,84 @@ def test_a_start_may_not_lie_in_the_tolerance_band():
 def test_a_single_stage_knows_mesh_1_only():
     with refused("start.mesh", 2, "a single-stage scene has mesh 1 only"):
         Scene(**VALUES, stages=1, start=Start(x2=0.4, y2=1.0, mesh=2))
+
+
+ONE = Wheel(beta=0.1, gamma=0.2)
+TWO = replace(ONE, parent=1, name="two")
+
+
+@pytest.mark.parametrize(
+    ("settings", "field", "value", "remedy"),
+    [
+        ({"wheels": ONE}, "wheels", ONE, "give a sequence of Wheel"),
+        ({"wheels": [ONE, 3]}, "wheels", 3, "give a sequence of Wheel"),
+        ({"wheels": [ONE] * 33}, "wheels", 33, "at most 32 wheels"),
+        ({"wheels": [ONE, replace(ONE, parent=3)]}, "wheel.2.parent", 3, "there are 2 wheels"),
+        (
+            {"wheels": [ONE, replace(ONE, parent="tow")]},
+            "wheel.2.parent",
+            "tow",
+            "no wheel has this",
+        ),
+        (
+            {"wheels": [replace(ONE, parent=2), TWO]},
+            "wheel.1.parent",
+            2,
+            "no wheel may mesh with itself in a circle",
+        ),
+        (
+            {"wheels": [ONE, TWO, TWO]},
+            "wheel.3.name",
+            "two",
+            "two wheels have this name; rename one",
+        ),
+        ({"wheels": [ONE], "epsilon": None}, "wheel.1.epsilon", None, "give it one, or the scene"),
+        ({"wheels": [ONE], "beta1": 0.1}, "beta1", 0.1, "give it, or wheels; not both"),
+        ({"wheels": [ONE], "gap1": 0.1}, "gap1", 0.1, "give it, or wheels; not both"),
+        (
+            {"wheels": [ONE, ONE], "start": Start(state=(0.1, 0.2, 0.6, 0.0))},
+            "start.x2",
+            0.6,
+            "must lie on a flank",
+        ),
+    ],
+)
+def test_wheels_that_make_no_gearbox_are_refused(settings, field, value, remedy):
+    with refused(field, value, remedy):
+        Scene(**{"alpha": 1.0, "epsilon": 0.5} | settings)
+
+
+@pytest.mark.parametrize("name", ["gap", "mass", "ratio"])
+def test_a_wheel_without_gap_mass_or_ratio_is_refused(name):
+    with refused(f"wheel.{name}", 0.0, "must be greater than 0"):
+        Wheel(beta=0.1, gamma=0.2, **{name: 0.0})
+
+
+def test_two_wheels_in_a_row_are_the_short_form():
+    row = [replace(ONE, mass=2.0), Wheel(beta=0.3, gamma=0.1, gap=0.4, mass=3.0, parent=1)]
+    scene = Scene(alpha=1.0, epsilon=0.5, wheels=row)
+    short = {"beta1": 0.1, "gamma1": 0.2, "beta2": 0.3, "gamma2": 0.1, "gap2": 0.4, "mu": 0.6}
+    assert scene == Scene(alpha=1.0, epsilon=0.5, **short)
+    assert Scene(alpha=1.0, wheels=[replace(ONE, epsilon=0.5)]).stages == 1
+
+
+def test_what_a_scene_keeps_of_its_wheels_is_never_that_of_another():
+    scene = TREES["tree of 4"]
+    wide = replace(scene, wheels=[replace(wheel, tolerance=0.1) for wheel in scene.wheels])
+    assert scene.constants.wheels is scene.constants.wheels
+    for other, gap in (
+        (wide.noise_free, 1.0),
+        (scene.scaled(2.0), 2.0),
+        (scene.phase_reduced, 1.0),
+    ):
+        walls = [gap * wheel.gap for wheel in scene.wheels]
+        assert other.constants.wheels["wall"].tolist() == walls
+        assert [wheel.tolerance for wheel in other.tree] == [0.0] * 4
+    assert wide.differs_by_set
+    assert not scene.differs_by_set
+    assert pickle.loads(pickle.dumps(scene)) == scene
+    several = replace(scene, drive=(Order(1), Order(2, 0.3)))
+    assert several.constants.drive.waves is not several.constants.drive.waves
 
 
 @pytest.mark.parametrize(
@@ -221,6 +309,14 @@ def test_broken_toml_is_a_file_error_that_says_where(text):
 
 NAMES = vars(rattle.scene)
 LOOSE = replace(DAT21, backlash2=0.25)
+TREE = TREES["tree of 4"]
+NAMED = replace(
+    TREE,
+    wheels=[
+        replace(wheel, tolerance=0.01, name=name)
+        for wheel, name in zip(TREE.wheels, ("in", "a", "b", "out"), strict=True)
+    ],
+)
 
 
 @pytest.mark.parametrize(
@@ -230,6 +326,8 @@ LOOSE = replace(DAT21, backlash2=0.25)
         Scene.from_gears(LOOSE, sigma=0.1, tolerance=Tolerance(0.01, 1e-3, draw="contact")),
         Scene(alpha=1.5, epsilon=0.9, beta1=1 / 3, gamma1=0.0, stages=1, start=Start(tau=7.0)),
         Scene(alpha=1.5, epsilon=0.9, beta1=0.1, gamma1=0.0, mu=0.5, sigma=-0.0),
+        TREES["chain of 5"],
+        NAMED,
         THREE,
         replace(THREE, correlation_time=0.3),
         replace(THREE, gears=None, alpha=1.2),
@@ -241,7 +339,7 @@ def test_its_repr_and_its_toml_make_a_scene_again_to_the_last_bit(scene):
     assert repr(replace(scene, alpha=np.nextafter(scene.alpha, 9.0))) != repr(
         scene
     )  # one bit would be noticed
-    assert len(repr(scene).splitlines()) <= 4
+    assert len(repr(scene).splitlines()) <= 4 + 3 * len(scene.wheels)
     assert max(map(len, repr(scene).splitlines())) <= 100
     assert "<pre>Scene" in scene._repr_html_()
 

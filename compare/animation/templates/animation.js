@@ -30,19 +30,23 @@ function below(list, value) {  // how many entries of a sorted list are at most 
   return low;
 }
 
-function between(path, name) {  // a displacement, on the straight line between two recorded ones
+function between(path, x) {  // a displacement, on the straight line between two recorded ones
   const i = Math.min(Math.max(below(path.t, now), 1), path.t.length - 1);
   const share = Math.min(Math.max((now - path.t[i - 1]) / (path.t[i] - path.t[i - 1]), 0), 1);
-  return path[name][i - 1] + share * (path[name][i] - path[name][i - 1]);
+  return x[i - 1] + share * (x[i] - x[i - 1]);
 }
 
 function turn(path, driver) {
-  // positive displacements of driver and wheel 1 are upwards at mesh 1, those of wheels 1 and 2 downwards at mesh 2
-  const moved = driver - between(path, "x1");
-  const turns = [moved, -driver];
-  if (path.x2) turns.push(-(moved + between(path, "x2")));
-  const rest = [15, 0, 180];  // a gap of wheel 1 at each mesh, a tooth of the others in it
-  path.turning.forEach((wheel, i) => wheel.setAttribute("transform", `rotate(${rest[i] + turns[i] * data.turn % 360})`));
+  // of the driver and each wheel; positive ones of driver and wheel 1 are upwards at mesh 1
+  const moved = [driver];
+  data.parents.forEach((parent, i) => {
+    const x = between(path, path.x[i]);
+    moved.push(data.ratios[i] * moved[parent] + (parent ? x : -x));
+  });
+  path.turning.forEach((toothing, i) => {
+    const [wheel, factor, rest] = data.drawn[i];
+    toothing.setAttribute("transform", `rotate(${rest + factor * moved[wheel] * data.turn % 360})`);
+  });
 }
 
 function flash(path) {
@@ -59,7 +63,7 @@ function flash(path) {
     if (!shown) return;
     const age = (now - path.hits[mine]) / lit, side = Math.sign(path.codes[mine]);
     const size = calm.matches ? 0.75 : 0.85 - 0.4 * age;
-    star.setAttribute("transform", `translate(0 ${(i === 0 ? -9 : 9) * side}) scale(${size})`);
+    star.setAttribute("transform", `translate(0 ${(data.parents[i] ? 9 : -9) * side}) scale(${size})`);
     star.dataset.impact = path.numbers[mine];
   });
   path.lit?.forEach(mark => mark.classList.remove("lit"));

@@ -136,8 +136,8 @@ def failures(scene: Scene) -> dict[str, list[Failure]]:
         raw = np.array([np.diag([1.0, 0.0, 0.0])] * 2)
         first = {stage: Failure(stage, 0, "") for stage in (1, 2)}
         for impact, (start, t) in enumerate(zip(tau, np.diff(tau), strict=False), start=1):
-            raw[0] = after_flight(raw[0], c.beta1, t, noise_covariance(c, start, t))
-            raw[1] = after_flight(raw[1], c.beta2, t, plain_covariance(c.beta2, c.sigma, t))
+            raw[0] = after_flight(raw[0], scene.beta1, t, noise_covariance(c, start, t))
+            raw[1] = after_flight(raw[1], scene.beta2, t, plain_covariance(scene.beta2, c.sigma, t))
             for stage, m in enumerate(raw, start=1):
                 judged = realizability(np.array([[m[2, 0], m[1, 1]], [m[1, 1], m[0, 2]]]))
                 if not judged.realizable and not first[stage].impact:

@@ -21,7 +21,17 @@ from rattle.compare.validation import validate as validation
 from rattle.montecarlo import SCHEMES, Record, Sampling
 from rattle.montecarlo.coupling.paths import LongPath
 from rattle.montecarlo.statistics.intervals import widest
-from rattle.scene import DAT21, STATE, Scene, Start, Tolerance, flight, impact, long_orbit, orbit
+from rattle.scene import (
+    DAT21,
+    Scene,
+    Start,
+    Tolerance,
+    flight,
+    impact,
+    long_orbit,
+    orbit,
+    state_names,
+)
 from rattle.scene.tangent import Stretch
 
 EXTREME_IMPACTS = 3
@@ -29,7 +39,7 @@ EXTREME_IMPACTS = 3
 LENGTH_POWERS = (-26, -13, 14)
 START_TIMES = (1e4, 1e8, 1e12, -1e12)
 EXTREME_SIGMAS = (0.0, 1e-30, 1e-8, 1e4)
-LENGTHS = ("x1", "y1", "x2", "y2")
+STATE = LENGTHS = state_names(2)
 # impacts of a long run
 LONG_RUN_IMPACTS = 10_000_000
 STRETCH_IMPACTS = 500_000
@@ -370,7 +380,7 @@ def grazing() -> Iterator[float]:
         drag = pull * gap
         y = -math.sqrt(2.0 * drag * gap * (1.0 + share))
         c = bare(beta2=0.0, gamma1=drag, gap1=gap).constants
-        t, mesh, side, *_ = impact.next_impact(c, 0.0, 0.0, y, 0.0, 0.0, 1e4)
+        t, mesh, side, _ = impact.next_impact(c, 0.0, np.array([0.0, y]), 1e4)
         square = Fraction(y) ** 2
         fall = 2 * Fraction(drag) * Fraction(gap)
         exact_side = -1 if square > fall else 1

@@ -142,7 +142,7 @@ def impact_laws(seed: int = 0, workers: int = 2) -> Found:
     path = follow(scene, CHECKED_IMPACTS)
     orbit = ImpactVelocities(path.mesh[1:], path.before[1:, 1::2], path.after[1:, 1::2])
     lost = [
-        energy_loss(scene.constants, int(mesh), *y)
+        energy_loss(scene.constants, int(mesh), y[mesh - 1])
         for mesh, y in zip(orbit.mesh, orbit.before, strict=True)
     ]
     sides = {"orbit": orbit} | {scheme: _coast(scheme) for scheme in SCHEMES}
@@ -216,9 +216,8 @@ def _balance(name: str, run: LongRun, kept: float = 1.0, noise: float = 1.0) -> 
     )
     found = float((supplied + difference).mean())
     scene = run.scene
-    mass = scene.mu / (1.0 - scene.mu) if scene.stages == 2 else 0.0
-    # what the noise supplies per unit of time
-    power = 0.25 * scene.sigma**2 * (1.0 + scene.beta1**2 + mass * (1.0 + scene.beta2**2))
+    shares = [wheel.mass * (1.0 + wheel.beta**2) for wheel in scene.tree]
+    power = 0.25 * scene.sigma**2 * sum(shares)  # what the noise supplies per unit of time
     truth = float(supplied.mean()) + (noise - 1.0) * power
     return Check(f"loss per time, {name}", found, truth, se, 2.0 * closed * power)
 

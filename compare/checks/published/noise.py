@@ -28,14 +28,20 @@ from scipy.stats import truncnorm
 
 from rattle.compare.checks.check import Check, Found, bare
 from rattle.montecarlo import Ensemble, Record, Sampling, simulate
-from rattle.montecarlo.coupling.dyadic import DEEPEST, HIT, Tree, clockwork_of, new_room, walk_step
-from rattle.montecarlo.kernel.block import CROSS
-from rattle.montecarlo.noise.philox import STEP, Word, key_of, normals
-from rattle.montecarlo.schemes.exact_flight import flight_forcing
-from rattle.scene import STATE, Floats, RattleError, Scene, Start, Tolerance
+from rattle.montecarlo.coupling.dyadic import (
+    DEEPEST,
+    Tree,
+    clockwork_at,
+    grow_tree,
+    new_hits,
+    walk_step,
+)
+from rattle.montecarlo.kernel.block import state_pairs
+from rattle.montecarlo.noise.philox import STEP, Word, normals
+from rattle.scene import Floats, RattleError, Scene, Start, Tolerance, state_names
 from rattle.scene.compiled import jit
 from rattle.scene.flight import flow, noise_covariance
-from rattle.scene.impact import struck
+from rattle.scene.impact import strike
 
 # half gap; an exit takes about 0.02, in which the modulation of the noise (1 at -pi/2) falls by
 # 3e-4
@@ -201,9 +207,9 @@ def _bounce(tree: Tree, log_speed: Floats) -> int:
     # one hit: it ends the step
     c = tree.c
     w = tree.clock
-    hits = np.empty((1, HIT))
-    state = np.zeros(4)
-    room = new_room(w.depth)
+    wall = c.wheels[0].wall
+    hits = new_hits(c, 1)
+    state = np.zeros(2)
     lost = 0
     for p in range(len(log_speed)):
         n = Word(p) * COUNTERS_APART
@@ -221,19 +227,21 @@ def _bounce(tree: Tree, log_speed: Floats) -> int:
                     / (RESTART_GROWTH * max(y * y, (distance * c.sigma**2) ** (2.0 / 3.0)))
                 )
                 scale -= math.log(s)
-                state[0] = c.wall1 - s**3 * distance
+                state[0] = wall - s**3 * distance
                 state[1] = s * y
                 z0, z1, _, _ = normals(tree.key, n, Word(ROW), Word(STEP))
-                met, _ = walk_step(tree, room, n, ROW, (z0, z1), state, hits)
+                met, _ = walk_step(tree, n, ROW, (z0, z1), state, hits)
                 n += Word(1)
                 if met > 0:
                     break
-                distance = c.wall1 - state[0]
+                distance = wall - state[0]
                 y = state[1]
             if met == 0 or hits[0, 1] != 1.0:
                 lost += 1
                 continue
-            y = -struck(c, 1, hits[0, 3], 0.0)[0]
+            after = hits[0, 2:]
+            strike(c, 1, after)
+            y = -after[1]
             log_speed[p, bounce] = scale + math.log(y)
     return lost
 
@@ -246,10 +254,10 @@ def log_speeds(epsilon: float, paths: int, bounces: int, seed: int) -> Floats:
     start = Start(0.0, 0.0, -1.0)
     scene = bare(epsilon=epsilon, gap1=EXIT_HALF_GAP, sigma=1.0, start=start)
     # of the single step, at the phase 3 pi / 2
-    whole = flight_forcing(scene.constants, ROW * STEP_TIME, STEP_TIME)
-    clock = clockwork_of([whole] * (ROW + 1), STEP_TIME, DEEPEST)
+    clock = clockwork_at(scene, np.array([ROW * STEP_TIME]), STEP_TIME, DEEPEST)
+    clock = clock._replace(forcing=np.repeat(clock.forcing, ROW + 1, axis=0))
     out = np.empty((paths, bounces))
-    lost = _bounce(Tree(scene.constants, clock, key_of(np.random.SeedSequence([seed, 2]))), out)
+    lost = _bounce(grow_tree(scene.constants, clock, np.random.SeedSequence([seed, 2])), out)
     if lost:
         raise RattleError(
             f"{lost} of {out.size} flights did not return in {MOST_FLIGHT_STEPS} steps,"
@@ -405,8 +413,10 @@ def _follow(
 
 def _central(run: Ensemble, quantity: str, power: int) -> Floats:
     """Central moments of a quantity at the fixed times, shape (times,)."""
-    i = STATE.index(quantity)
-    return np.asarray(run.result.sums["fixed"].moment(power, 0)[:, CROSS.index((i, i))])
+    wheels = run.scene.stages
+    i = state_names(wheels).index(quantity)
+    at = state_pairs(wheels).index((i, i))
+    return np.asarray(run.result.sums["fixed"].moment(power, 0)[:, at])
 
 
 def free_flight(seed: int = 0, workers: int = 2) -> Found:
@@ -414,20 +424,20 @@ def free_flight(seed: int = 0, workers: int = 2) -> Found:
     run = _follow(SCENE, [START.tau + FREE_FLIGHT], 1, [seed, 7], workers)
     row = run.at_times().iloc[0]
     t = float(run.fixed_times[0]) - START.tau
+    names = state_names(SCENE.stages)
 
     def checks(scene: Scene = SCENE) -> Iterator[Check]:
-        state = START.x1, START.y1, START.x2, START.y2
-        mean = flow(scene.constants, START.tau, *state, t)
+        mean = flow(scene.constants, START.tau, scene.start_state, t)
         covariance = noise_covariance(scene.constants, START.tau, t)
-        for q, truth in zip(STATE, mean, strict=True):
+        for q, truth in zip(names, mean.tolist(), strict=True):
             yield _moment(row, q, f"E {q}", truth, STEP_ERROR)
-        for i, j in CROSS:
-            column = f"cov_{STATE[i]}_{STATE[j]}"
+        for i, j in state_pairs(SCENE.stages):
+            column = f"cov_{names[i]}_{names[j]}"
             truth = float(covariance[i, j])
             yield _moment(row, column, column.replace("_", " "), truth, STEP_ERROR)
 
     def shape(skewness: float, kurtosis: float) -> Iterator[Check]:
-        for q in STATE:
+        for q in names:
             m2, m3, m4 = (float(_central(run, q, power)[0]) for power in (2, 3, 4))
             se = math.sqrt(6.0 / GAUSSIAN_PATHS)
             yield Check(f"skewness of {q}", m3 / m2**1.5, skewness, se)
@@ -467,7 +477,7 @@ def elastic_box(seed: int = 0, workers: int = 2) -> Found:
     def checks(
         run: Ensemble = run, sigma: float = UNIT_SIGMA, phase: float = 0.0
     ) -> Iterator[Check]:
-        followed = run.result.sums["fixed"].n[:, CROSS.index((1, 1))]
+        followed = run.result.sums["fixed"].n[:, state_pairs(run.scene.stages).index((1, 1))]
         yield Check("paths followed to the end", float(followed.min()), GAUSSIAN_PATHS)
         kurtosis = _central(run, "y1", 4) / _central(run, "y1", 2) ** 2 - 3.0
         at_start = speed_variance(phase, BETA, sigma)

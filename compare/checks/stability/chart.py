@@ -33,7 +33,7 @@ from rattle.montecarlo.kernel.blocks import Blocks, in_threads
 from rattle.montecarlo.looks import ladder
 from rattle.montecarlo.settings import is_random, plan_of
 from rattle.montecarlo.statistics.intervals import widest
-from rattle.scene import DAT21, SECTION, Floats, Scene, Start
+from rattle.scene import DAT21, Floats, Scene, Start, section_names
 from rattle.scene.orbit import follow
 
 CHART_SIGMA = 0.3
@@ -130,7 +130,7 @@ def reference(scene: Scene, *, paths: int, seed: int, workers: int) -> Reference
         columns = run.columns
         late = run.unfinished / run.paths
     unit = motion_units(columns, scene)
-    for q in SECTION:
+    for q in section_names(scene.stages):
         rare = np.nan_to_num(columns["kurt_" + q]) > MOST_KURTOSIS
         excluded = at_wall(q, columns["mesh"]) | rare | np.isnan(columns[q])
         unit[q] = np.where(excluded, np.nan, unit[q])
@@ -142,7 +142,8 @@ def _orbit(scene: Scene) -> Mapping[str, NDArray[Any]]:
     path = follow(scene, CHART_IMPACTS)
     columns = {str(name): column.to_numpy()[1:] for name, column in path.table.items()}
     columns["flight"] = path.flight[1:]
-    spreads = [prefix + q for q in SECTION for prefix in ("sd_", "se_", "se_sd_", "kurt_")]
+    quantities = section_names(scene.stages)
+    spreads = [prefix + q for q in quantities for prefix in ("sd_", "se_", "se_sd_", "kurt_")]
     return columns | dict.fromkeys(spreads, np.zeros(CHART_IMPACTS))
 
 
@@ -361,7 +362,7 @@ def chart(
     """
     chosen = [round(i * 6 / max(points - 1, 1)) for i in range(points)]
     places = [(axis, AXES[axis].values[i]) for axis in axes for i in chosen]
-    rows = 2 * len(SECTION) * CHART_IMPACTS
+    rows = 2 * len(section_names(2)) * CHART_IMPACTS
     cells_of_a_place = len(schemes) * (len(SHARES) + 1)
     z = widest(len(places) * cells_of_a_place * rows * len(sizes(paths)))
     cells = [

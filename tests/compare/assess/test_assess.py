@@ -42,8 +42,8 @@ def test_the_four_answers_agree_with_their_parts(loud):
 
 
 def test_a_lever_works_as_is_said(loud):
-    """More power from more amplitude: the planted opposite is outside the interval."""
-    row = loud.levers.of("power").loc["amplitude"]
+    """More power from a faster drive: the planted opposite is outside the interval."""
+    row = loud.levers.of("power").loc["omega"]
     assert 0.0 < row["low"] < row["effect"] < row["high"]
     assert not row["low"] < -row["effect"] < row["high"]
 

@@ -9,7 +9,7 @@ from dataclasses import fields, replace
 import pytest
 from commands import rattle
 
-from rattle import DAT21, Gears, Scene, Start, Tolerance
+from rattle import DAT21, Gears, Scene, Start, Tolerance, rattle_threshold
 
 
 @pytest.fixture
@@ -18,9 +18,15 @@ def file(tmp_path):
     return tmp_path / "gears.toml"
 
 
+def numbers(scene):
+    wheels = [(w.beta, w.gamma, w.gap, w.mass, w.epsilon) for w in scene.tree]
+    return [scene.alpha, *(value for values in wheels for value in values)]
+
+
 def test_it_loads_and_replaces_nothing(file, tmp_path):
-    expected = Scene.from_gears(DAT21, sigma=0.08).constants[:11]
-    assert Scene.load(file).constants[:11] == pytest.approx(expected, rel=1e-12)
+    scene = Scene.load(file)
+    assert numbers(scene) == pytest.approx(numbers(Scene.from_gears(DAT21)), rel=1e-12)
+    assert scene.sigma == 0.08
     file.write_text("mine")
     assert "exists already" in rattle(f"init {file}", code=2).output
     assert file.read_text() == "mine"
@@ -30,8 +36,9 @@ def test_it_loads_and_replaces_nothing(file, tmp_path):
 def test_it_has_every_key(file):
     text = file.read_text()
     tables = {"gears", "start", "tolerance", "drive"}
+    of_more = {"wheels", "state"}  # of more than two wheels
     keys = {field.name for kind in (Gears, Scene, Start, Tolerance) for field in fields(kind)}
-    assert not [key for key in keys - tables if f"{key} = " not in text]
+    assert not [key for key in keys - tables - of_more if f"{key} = " not in text]
     assert "[[drive]]" in text
 
 
@@ -69,12 +76,13 @@ def test_what_is_commented_out_can_be_taken_in(file):
     assert scene.tolerance == Tolerance(0.05, 0.05)
     begin = begins("[gears.tolerance]")
     drawn = Scene.from_toml("\n".join([*lines[:begin], *taken(begin, 5), *lines[begin + 5 :]]))
-    assert drawn.tolerance.variances == pytest.approx(scene.tolerance.variances)
+    widths, expected = ([wheel.tolerance for wheel in s.tree] for s in (drawn, scene))
+    assert widths == pytest.approx(expected)
     assert replace(drawn, tolerance=None) == replace(scene, tolerance=None)
     plain = Scene(
         **tomllib.loads("\n".join(taken(begins("alpha = 1.5              # amplitude of"))))
     )
-    assert plain.constants[:11] == pytest.approx((*drawn.constants[:9], 0.0, 2), abs=1e-6)
+    assert numbers(plain) == pytest.approx(numbers(drawn), abs=1e-5)
 
 
 def test_what_it_recommends_answers_in_seconds_whatever_the_gears_are(tmp_path, monkeypatch):
@@ -85,3 +93,16 @@ def test_what_it_recommends_answers_in_seconds_whatever_the_gears_are(tmp_path, 
     soft = (tmp_path / "gears.toml").read_text().replace("epsilon = 0.9", "epsilon = 0.3")
     (tmp_path / "gears.toml").write_text(soft)
     assert "10,000 paths" in rattle(words).output
+
+
+def test_a_gearbox_loads_and_has_every_key_of_a_wheel(tmp_path):
+    for wheels in (1, 5, 32):
+        file = tmp_path / f"box{wheels}.toml"
+        rattle(f"init {file} --wheels {wheels}")
+        scene = Scene.load(file)
+        assert len(scene.tree) == wheels
+        assert all(wheel.opens for wheel in rattle_threshold(scene))
+    text = (tmp_path / "box5.toml").read_text()
+    assert not [field.name for field in fields(Gears.Wheel) if f"{field.name} = " not in text]
+    done = rattle(f"init {tmp_path / 'box33.toml'} --wheels 33", code=2)
+    assert "wheels = 33: must be at most 32" in done.output

@@ -1,15 +1,17 @@
 """The commands of the sampler as a user types them."""
 
 import json
+from dataclasses import replace
 
 import pandas as pd
 import pytest
 from commands import rattle
+from scenes import TREES
 
-from rattle import DAT21, Scene, Tolerance, mean_map, simulate, simulate_rare, stationary
+from rattle import DAT21, Scene, Tolerance, mean_map, simulate, stationary
 from rattle.closure import CLOSURES
 from rattle.compare.warm_up import tasks
-from rattle.montecarlo import SCHEMES
+from rattle.montecarlo import SCHEMES, simulate_rare
 from rattle.scene import compiled, progress
 
 
@@ -22,6 +24,23 @@ def test_simulate_prints_moments_and_writes_the_whole_table(tmp_path):
     table = pd.read_csv(out, index_col="impact")
     assert list(table.index) == [1, 2, 3]
     assert table["sd_tau"].iloc[0] == pytest.approx(0.00016, rel=0.1)
+
+
+def test_a_table_of_many_wheels_continues_below_and_says_which_wheel_is_which(
+    tmp_path, monkeypatch
+):
+    scene = TREES["tree of 4"]
+    wheels = [replace(wheel, name=name) for wheel, name in zip(scene.wheels, "abcd", strict=True)]
+    (tmp_path / "tree.toml").write_text(replace(scene, wheels=wheels).to_toml())
+    words = f"simulate {tmp_path / 'tree.toml'} --paths 64 --impacts 2"
+    whole = rattle(words).stdout.splitlines()
+    monkeypatch.setattr("rattle.compare.cli.simulate.WIDEST_LINE", 100)
+    parts = rattle(words).stdout.splitlines()
+    heads = [line.split() for line in parts if line.startswith("impact")]
+    assert len(heads) > 1
+    assert [name for head in heads for name in head[1:]] == whole[0].split()[1:]
+    assert max(map(len, parts[: 4 * len(heads)])) <= 100
+    assert "Wheel 1 (a) meshes with the driver, 2 (b) with the driver, 3 (c) with 1" in parts[-1]
 
 
 @pytest.mark.parametrize("scheme", ["euler-maruyama", "euler-maruyama-located"])

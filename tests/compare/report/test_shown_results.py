@@ -20,7 +20,7 @@ from rattle.scene import OutputError
 
 SCENE = rt.Scene.from_gears(rt.DAT21, sigma=0.1)
 PLAIN = rt.Scene(alpha=1.5, epsilon=0.9, beta1=0.1, gamma1=0.05, mu=0.5, sigma=0.1)
-LONGEST = 700  # characters of a repr: a dozen lines in a notebook
+LONGEST = 800  # characters of a repr: a dozen lines in a notebook
 
 
 @pytest.fixture(scope="module")

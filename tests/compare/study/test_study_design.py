@@ -1,7 +1,6 @@
 """The study file: axes, products and zips, keys, and every refusal."""
 
 import re
-from dataclasses import asdict
 
 import numpy as np
 import pytest
@@ -21,7 +20,7 @@ def read(**settings):
 
 def geared(**changes):
     """A study of DAT21, with some of its values changed."""
-    gears = "".join(f"{name} = {value!r}\n" for name, value in {**asdict(DAT21), **changes}.items())
+    gears = "".join(f"{name} = {value!r}\n" for name, value in {**DAT21.values, **changes}.items())
     return re.sub(r"\[scene\].*?\n\n", f"[gears]\n{gears}\n", study_text(), flags=re.DOTALL)
 
 

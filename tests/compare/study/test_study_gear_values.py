@@ -1,6 +1,7 @@
 """An axis, a search and a sweep over a value of the gears; all others stay as they were typed."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
@@ -51,6 +52,17 @@ def test_the_drive_stays_in_mm_where_alpha_was_typed_too():
 def test_with_other_axes_beside_it():
     _study, found = scenes("backlash1 = [0.2, 0.4]\nsigma = [0.01, 0.03]")
     assert [(s.sigma, round(s.alpha, 12)) for s in found] == [(0.01, 1.5), (0.03, 0.75)]
+
+
+def test_a_study_of_a_gearbox_names_its_wheels_and_takes_the_closures_that_it_can_have():
+    box = Scene.load(Path(__file__).parents[3] / "examples" / "gearbox5.toml")
+    axis = '"wheel.third.torque" = [20.0, 40.0]'
+    study, found = scenes(axis, box)
+    assert found == [box.with_gears(**{"wheel.third.torque": t}) for t in (20.0, 40.0)]
+    assert study.closures == ("saltation", "branching")
+    assert not any(point.reasons for point in study.points)
+    named = Study.from_toml(f'{HEAD}closures = ["published"]\n{box.to_toml()}[[axes]]\n{axis}\n')
+    assert "for one or two wheels in a row" in named.points[0].reasons["published"]
 
 
 def test_a_name_that_needs_gears_says_so():

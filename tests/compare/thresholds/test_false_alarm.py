@@ -26,7 +26,7 @@ from rattle.montecarlo.kernel.blocks import in_threads
 from rattle.montecarlo.schemes.control_variate import estimate_controlled
 from rattle.montecarlo.statistics.intervals import widest
 from rattle.montecarlo.statistics.section_statistics import single_statistics
-from rattle.scene import DAT21, SECTION, Scene
+from rattle.scene import DAT21, Scene, section_names
 
 SCENE = Scene.from_gears(DAT21, sigma=0.05, stages=1)
 # without branches that a sample may miss: no row is let off
@@ -36,7 +36,7 @@ BLOCKS = 2400
 LOOKS = (1, 2, 4, 8)  # blocks
 RATE = 0.1
 CONFIDENCE = 0.999
-QUANTITIES = SECTION[:4]  # of a single stage
+QUANTITIES = section_names(1)
 
 
 @dataclass
@@ -105,7 +105,6 @@ def stacked(results, size, control):
     table = pd.DataFrame({name: np.concatenate([f[name] for f in found]) for name in found[0]})
     table.index += 1
     same = {"paths": size * BLOCK, "agreement": 1.0, "mesh": 1}
-    same |= {prefix + q: 0.0 for prefix in names for q in SECTION[4:]}
     return Stacked(table.assign(flight=table["tau"], sd_flight=table["sd_tau"], **same))
 
 

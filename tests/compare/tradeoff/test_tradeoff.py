@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 from commands import rattle
 
-from rattle import DAT21, Record, Sampling, Scene, simulate, simulate_rare
+from rattle import DAT21, Record, Sampling, Scene, simulate
 from rattle.compare.tradeoff.measure import (
     Allowance,
     CostModel,
@@ -28,6 +28,7 @@ from rattle.compare.tradeoff.multilevel import (
     levels_of,
 )
 from rattle.compare.tradeoff.page import cheapest
+from rattle.montecarlo import simulate_rare
 from rattle.montecarlo.accuracy.cost import cost_of
 from rattle.montecarlo.diagnostics.accuracy import units
 from rattle.montecarlo.kernel.block import sample

@@ -208,7 +208,7 @@ def test_work_of_a_mixture_grows_with_its_components():
         for s in (1e-3, 0.5)
     )
     assert many.trace.work > 10 * few.trace.work
-    assert closure_seconds(few) < closure_seconds(many) <= CLOSURES["branching"].most_seconds(2)
+    assert closure_seconds(few) < closure_seconds(many) <= CLOSURES["branching"].most_seconds(2, 2)
     assert closure_seconds(many) - closure_seconds(few) == pytest.approx(
         60e-6 * (many.trace.work - few.trace.work)
     )

@@ -3,6 +3,7 @@ are a transient."""
 
 import json
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from rattle.compare.stationary.page import answer as long_answer
 from rattle.compare.validation.answer import answer
 from rattle.compare.validation.transient import describe_transient
 from rattle.montecarlo.long_run.estimates import most_unseen
+from rattle.scene.changes import change
 
 ONE = {
     "amplitude": 0.3,
@@ -40,6 +42,7 @@ def two(torque1, torque2, **scene):
     )
 
 
+BOX = Scene.load(Path(__file__).parents[3] / "examples" / "gearbox5.toml").noise_free
 ORDERS = (Order(1, 1.0), Order(3, 0.3, 1.0))
 CASES = {
     "one stage": (
@@ -73,6 +76,14 @@ CASES = {
     "mesh 2 alone": (
         Scene(**PLAIN, gamma2=1.2),
         "Mesh 2 does not open by itself in the long run: gamma2 is 1.2, above",
+    ),
+    "mesh 3 of a tree": (
+        change(BOX, {"wheel.second.torque": 4000.0, "wheel.layshaft.torque": 20.0}),
+        "Mesh 3 (second) does not open by itself in the long run: the drag torque on wheel second",
+    ),
+    "meshes of a tree": (
+        change(BOX, {"wheel.second.torque": 4000.0, "wheel.fifth.torque": 4000.0}),
+        "mesh 5 (fifth) do not open by themselves in the long run: the drag torque on wheel",
     ),
     "mesh 1 alone": (
         Scene(**PLAIN | {"gamma1": 2.0}, gamma2=0.2),

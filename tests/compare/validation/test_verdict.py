@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 import pytest
+from scipy import stats
 
 from rattle import Tolerances
 from rattle.closure import mean_map
@@ -13,7 +14,8 @@ from rattle.compare.judge.verdict import judge
 from rattle.compare.validation.errors import judge_again, section_errors
 from rattle.montecarlo import Record, simulate, simulate_rare
 from rattle.montecarlo.statistics.intervals import ABSOLUTE, widest
-from rattle.scene import DAT21, SECTION, Scene
+from rattle.scene import DAT21, Scene
+from rattle.scene.types import section_names
 
 IMPACTS = 4
 
@@ -21,6 +23,22 @@ IMPACTS = 4
 def rows(**columns):
     base = {"predicted": 1.0, "noise": 0.01, "tolerance": 0.05, "paths": 1000.0}
     return pd.DataFrame({**base, **columns})
+
+
+INTERVALS = {
+    "accurate": [(-0.04, 0.04), (-0.05, 0.05)],
+    "inaccurate": [(0.06, 0.08), (-0.08, -0.06)],
+    "undecided": [(0.04, 0.06), (-0.1, 0.1)],
+}
+
+
+@pytest.mark.parametrize("verdict", INTERVALS)
+def test_verdict(verdict):
+    for low, high in INTERVALS[verdict]:
+        assert (
+            judge(rows(error=[0.5 * (low + high)], low=[low], high=[high]))["verdict"].item()
+            == verdict
+        )
 
 
 def test_paths_needed_would_decide():
@@ -47,6 +65,23 @@ def test_branches_that_hardly_matter_do_not_ask_for_the_paths_that_show_them(shi
         "paths_needed"
     ].item()
     assert found == pytest.approx(needed, rel=1e-3)
+
+
+@pytest.mark.parametrize("checks", [1, 10, 300])
+def test_simultaneous_coverage_of_all_intervals(checks):
+    """The share of families with an interval that misses, over many families, is the nominal 5
+    %."""
+    z = widest(checks)
+    rng = np.random.default_rng(5)
+    families = 4000
+    missed = (np.abs(rng.standard_normal((families, checks))) > z).any(axis=1).sum()
+    assert stats.binomtest(int(missed), families, 0.05).pvalue > 1e-4
+    # negative control: without the correction, families fail far more often
+    if checks > 1:
+        uncorrected = (
+            (np.abs(rng.standard_normal((families, checks))) > widest(1)).any(axis=1).sum()
+        )
+        assert stats.binomtest(int(uncorrected), families, 0.05).pvalue < 1e-6
 
 
 @dataclass
@@ -89,7 +124,7 @@ def test_a_perfect_closure_is_within_its_intervals(sigma):
     = 0.05 here): no interval estimated from such a sample can include it, and the report says so.
     """
     claim = Claimed(corrected(ensemble(sigma, seed=1, paths=200_000)))
-    z = widest(2 * len(SECTION) * IMPACTS)
+    z = widest(2 * len(section_names(2)) * IMPACTS)
     missing = 0
     for seed in range(100, 112):
         table = section_errors([claim], ensemble(sigma, seed, 4096), z, Tolerances())
@@ -110,7 +145,7 @@ def few():
 
 
 def seeds_called_inaccurate(claim, runs):
-    z = widest(2 * len(SECTION) * 2)
+    z = widest(2 * len(section_names(2)) * 2)
     return sum(
         (section_errors([claim], run, z, Tolerances())["verdict"] == "inaccurate").any()
         for run in runs
@@ -126,7 +161,7 @@ def test_few_paths_do_not_call_a_perfect_closure_inaccurate(few, paths):
 def test_few_paths_with_normal_intervals_would(few, monkeypatch):
     claim, runs = few
     monkeypatch.setattr(
-        "rattle.compare.judge.rows.half_width", lambda *_: widest(2 * len(SECTION) * 2)
+        "rattle.compare.judge.rows.half_width", lambda *_: widest(2 * len(section_names(2)) * 2)
     )
     monkeypatch.setattr("rattle.montecarlo.diagnostics.reference.FEWEST_FOR_SD", 0)
     assert seeds_called_inaccurate(claim, runs[4]) > 30
@@ -155,7 +190,7 @@ def test_few_paths_see_a_wrong_mean_and_judge_no_sd(few):
 )
 def test_a_negative_control_is_inaccurate(truth, column, change):
     run = ensemble(0.02, seed=7, paths=40_000)
-    z = widest(2 * len(SECTION) * IMPACTS)
+    z = widest(2 * len(section_names(2)) * IMPACTS)
     wrong = truth.assign(**{column: change(truth)})
     quantity = column.removeprefix("sd_")
     moment = "sd" if column.startswith("sd_") else "mean"

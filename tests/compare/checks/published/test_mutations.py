@@ -15,23 +15,42 @@ from programs import python
 
 from rattle.compare.checks.check import run_checks
 from rattle.compare.checks.published import RESULTS
-from rattle.scene import Gears, impact
+from rattle.scene import Gears, impact, wheel
 
 pytestmark = pytest.mark.published
 
-STRUCK = impact.struck
+STRIKE = impact.strike
 LOSS = impact.energy_loss
+COMPLETE = wheel.complete_wheels
 MU = Gears.mu.fget
+CHANGE = "-(1.0 + wheel.epsilon) * rate"
 MUTATIONS = {
-    "nothing": (STRUCK, "", ""),
-    "mu into 1 - mu": (STRUCK, "(1.0 + c.epsilon) * c.mu", "(1.0 + c.epsilon) * (1.0 - c.mu)"),
-    "1 + epsilon into epsilon, mesh 2": (STRUCK, "(1.0 + c.epsilon) * c.mu", "c.epsilon * c.mu"),
-    "mesh 1 does not kick y2": (STRUCK, "y2 - (1.0 + c.epsilon) * y1", "y2"),
-    "mesh 2 does not kick y1": (STRUCK, "y1 - (1.0 + c.epsilon) * c.mu * y2", "y1"),
-    "restitution of mesh 2 squared": (STRUCK, "-c.epsilon * y2", "-(c.epsilon**2) * y2"),
-    "no restitution at mesh 1": (STRUCK, "return -c.epsilon * y1", "return -y1"),
-    "energy lost at mesh 2 without its mass": (LOSS, "c.mu", "1.0"),
-    "inertias interchanged in mu": (MU, "self.inertia2", "self.inertia1"),
+    "nothing": (STRIKE, "", ""),
+    "share of the parent into that of the wheel": (
+        STRIKE,
+        "(1.0 - wheel.share) * change",
+        "wheel.share * change",
+    ),
+    "1 + epsilon into epsilon, mesh 2": (STRIKE, CHANGE, "-(wheel.epsilon + (mesh == 1)) * rate"),
+    "an impact does not kick the gaps behind": (STRIKE, "other.ratio * moved", "0.0"),
+    "mesh 2 does not kick y1": (STRIKE, "other.sign * others", "0.0"),
+    "restitution of mesh 2 squared": (
+        STRIKE,
+        "-wheel.epsilon * rate",
+        "-(wheel.epsilon**mesh) * rate",
+    ),
+    "no restitution at mesh 1": (
+        STRIKE,
+        "-wheel.epsilon * rate",
+        "-(wheel.epsilon ** (mesh - 1)) * rate",
+    ),
+    "energy lost at mesh 2 without its mass": (LOSS, "reduced * y", "y"),
+    "a share of mass without the parent's": (COMPLETE, "(carried + parent.mass)", "carried"),
+    "inertias interchanged in mu": (
+        MU,
+        "first.inertia * second.radius",
+        "second.inertia * second.radius",
+    ),
 }
 
 

@@ -1,0 +1,148 @@
+"""Closures of chains and trees of wheels, against the covariance of the linear system written
+apart."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from oracle import gearbox
+from scenes import TREES, tree
+
+from rattle.closure import Closure, closures_for, follow, mean_map
+from rattle.closure.section_map import (
+    MOST_COMBINATIONS,
+    section_derivatives,
+    start_covariance,
+    start_pieces,
+)
+from rattle.scene import InputError, Start, Tolerance, state_names
+from rattle.scene.flight import flow
+from rattle.scene.orbit import Impacts
+
+IMPACTS = 12
+FORK = tree((0, 1, 1), sigma=1e-3)
+
+
+def section_of(covariance, rate, i):
+    """Covariance of tau and the state of each path at its own impact, from that of all paths at
+    one time; displacement i is on its wall."""
+    late = np.zeros(len(rate))
+    late[i] = -1.0 / rate[i]
+    reach = np.vstack([late, np.eye(len(rate)) + np.outer(rate, late)])
+    return reach @ covariance @ reach.T
+
+
+def follow_covariance(scene, orbit, bends=True):
+    """Covariances in the middle of each flight, and of tau and the state at its end; without the
+    bend of neighbours' paths at an impact, as a negative control."""
+    box = gearbox(scene.constants)
+    size = orbit.before.shape[1]
+    spread = np.zeros((size, size))
+    middles, sections = [], []
+    for k in range(1, orbit.found + 1):
+        begin, end = orbit.tau[k - 1 : k + 1]
+        half = 0.5 * (end - begin)
+        spread = box.covariance(begin, spread, half)
+        middles.append(spread)
+        spread = box.covariance(begin + half, spread, half)
+        i = 2 * orbit.mesh[k] - 2
+        before, after = (box.rates(end, of[k]) for of in (orbit.before, orbit.after))
+        sections.append(section_of(spread, before, i))
+        jump = box.restitution(orbit.mesh[k])
+        if bends:
+            jump[:, i] += (after - jump @ before) / before[i]
+        spread = jump @ spread @ jump.T
+    return np.array(middles), np.array(sections)
+
+
+@pytest.mark.parametrize("name", ["chain of 3", "tree of 4", "tree of 7"])
+def test_saltation_is_the_linear_system_of_all_wheels(name):
+    """Sds by their own differential equation, to the digits that its integrator holds."""
+    scene = TREES[name]
+    orbit = follow(scene, IMPACTS).until_sticking
+    assert orbit.found >= 6
+    assert len(set(orbit.mesh[1 : orbit.found + 1])) >= 3
+    middles, sections = follow_covariance(scene, orbit)
+    _, wrong = follow_covariance(scene, orbit, bends=False)
+    m = mean_map(scene, impacts=orbit.found, order=2)
+    names = state_names(len(scene.tree))
+    found = m.section[[f"sd_{name}" for name in ("tau", *names)]].to_numpy()
+    sds, without = (np.sqrt(np.diagonal(s, axis1=1, axis2=2)) for s in (sections, wrong))
+    assert found == pytest.approx(sds, rel=1e-9, abs=1e-11)
+    assert np.abs(found - without).max() > 1e-2
+    times = 0.5 * (orbit.tau[1 : orbit.found + 1] + orbit.tau[: orbit.found])
+    at = m.at_times(scene.to_absolute_time(times))[[f"cov_{name}_{name}" for name in names]]
+    exact = np.diagonal(middles, axis1=1, axis2=2)
+    assert at.to_numpy() == pytest.approx(exact, rel=1e-9, abs=1e-14)
+
+
+def test_derivatives_of_the_section_map_are_its_differences():
+    """First and second ones by the state after an impact and by the noise, of four wheels."""
+    scene = TREES["tree of 4"]
+    c = scene.constants
+    orbit = follow(scene, 3)
+    size = orbit.before.shape[1]
+    first, second, bent = section_derivatives(c, Impacts.of(orbit, slice(2, 4)), 1 + size)
+    t = orbit.tau[3] - orbit.tau[2]
+    i = 2 * orbit.mesh[3] - 2
+
+    def land(change):
+        tau = orbit.tau[2] + change[0]
+        state = flow(c, tau, orbit.after[2] + change[1 : 1 + size], t) + change[1 + size :]
+        late = 0.0
+        for _ in range(8):  # Newton steps to the wall
+            there = flow(c, tau + t, state, late)
+            late -= (there[i] - orbit.before[3, i]) / there[i + 1]
+        return np.array([tau + t + late, *flow(c, tau + t, state, late)])
+
+    steps = 1e-4 * np.eye(1 + 2 * size)
+    ahead, back = (np.array([land(sign * step) for step in steps]) for sign in (1.0, -1.0))
+    assert first[0] == pytest.approx((ahead - back).T / 2e-4, rel=1e-5, abs=1e-6)
+    for j, step in enumerate(steps):
+        moved = [[land(a * step + b * other) for other in steps] for a in (1, -1) for b in (1, -1)]
+        both = (np.array(moved[0]) - moved[1] - moved[2] + moved[3]).T / 4e-8
+        assert second[0, :, j] == pytest.approx(both[bent], rel=1e-4, abs=1e-4)
+
+
+def test_branching_is_saltation_where_noise_is_small_and_has_other_itineraries_where_not():
+    small, single = (
+        mean_map(FORK, impacts=5, closure=closure).section for closure in ("branching", "saltation")
+    )
+    spread = [f"sd_{name}" for name in ("tau", "y1", "y2", "y3")]
+    assert small[spread].to_numpy() == pytest.approx(single[spread].to_numpy(), rel=1e-3)
+    assert small["agreement"].to_numpy() == pytest.approx(1.0)
+    large = mean_map(FORK.with_sigma(0.5), impacts=3, closure="branching")
+    assert large.section["agreement"].iloc[-1] < 0.99
+    assert large.section["discarded"].iloc[-1] < 0.05
+    assert large.at_times([large.section["tau"].loc[2]]).notna().all(axis=None)
+
+
+def test_closures_of_the_paper_are_for_its_own_gears_and_branching_for_few_wheels():
+    assert closures_for(FORK) == ("saltation", "branching")
+    for closure in ("published", "corrected"):
+        with pytest.raises(InputError, match=f"wheels = 3: {closure} is the paper's closure"):
+            mean_map(FORK, closure=closure)
+    crowd = tree((0,) * 17)
+    assert closures_for(crowd) == ("saltation",)
+
+
+def test_a_closure_of_ones_own_predicts_every_wheel():
+    own = Closure("mine", lambda scene, impacts: {"sd_y3": [0.1] * impacts}, stages=3)
+    assert mean_map(FORK, impacts=2, closure=own).section["sd_y3"].tolist() == [0.1, 0.1]
+    more = Closure("more", lambda scene, impacts: {"y4": [0.1] * impacts})
+    with pytest.raises(InputError, match="columns of more = 'y4': valid are 'tau'"):
+        mean_map(FORK, impacts=2, closure=more)
+
+
+def test_random_flanks_of_many_wheels_are_few_components_of_the_same_covariance():
+    wheels = [replace(wheel, tolerance=0.01) for wheel in TREES["tree of 4"].wheels]
+    on_flank = [value for wheel in wheels for value in (wheel.gap, -1.0)]
+    scene = replace(
+        TREES["tree of 4"], wheels=wheels, tolerance=Tolerance(), start=Start(0.1, state=on_flank)
+    )
+    parts = start_pieces(scene)
+    assert len(parts.weight) <= MOST_COMBINATIONS
+    off = parts.mean - parts.weight @ parts.mean
+    whole = np.einsum("k,kij->ij", parts.weight, parts.variance)
+    whole += np.einsum("k,ki,kj->ij", parts.weight, off, off)
+    assert whole == pytest.approx(start_covariance(scene), rel=1e-12, abs=1e-18)
