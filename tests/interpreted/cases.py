@@ -165,19 +165,13 @@ def bench():
     paths = np.arange(8, dtype=np.uint64)
     _normals(key_of(np.random.SeedSequence(1)), paths, z, 2)
     yield z.copy()
-    walls, state = np.ones((2, 4, 8))
-    _steps(
-        PAIR.constants,
-        step_forcing(PAIR.constants, 0.1, 0.01),
-        walls,
-        state,
-        z[0],
-        np.zeros(8, np.bool_),
-        2,
-    )
+    state = np.ones((4, 8))
+    forcing = np.zeros((2, 2))
+    step_forcing(PAIR.constants, 0.1, 0.01, forcing)
+    _steps(PAIR.constants, forcing, state, np.zeros((2, 8)), z[0], np.zeros(8, np.bool_), 2)
     yield state
     rng = np.random.Generator(np.random.SFC64(1))
-    yield [_scalar_normals(rng, 20), _skill_loop(PAIR.constants, rng, 3, np.ones((20, 4)), 0.1)]
+    yield [_scalar_normals(rng, 20), _skill_loop(PAIR.constants, rng, 3, np.ones((20, 2, 2)), 0.1)]
 
 
 STEP = {"euler-maruyama": 5e-3, "euler-maruyama-located": 5e-3, "exact-flight": math.pi / 64.0}

@@ -18,7 +18,6 @@ LEVEL_4 = ("avx512f", "avx512bw", "avx512cd", "avx512dq", "avx512vl")
 PROCESSORS = {
     "haswell": (LEVEL_3, "Haswell"),
     "skylake-avx512": (LEVEL_3 + LEVEL_4, "SkylakeX"),
-    "znver3": (LEVEL_3, "Zen"),
 }
 """Name of a processor: the instructions that code for it may use, and OpenBLAS's name of it."""
 
