@@ -37,7 +37,9 @@ elsewhere."""
 QUICK = [
     (command, HERE / "pair.toml") for command in ("animate", "check order", "simulate", "validate")
 ]
-LONG = [(command, HERE / "pair.toml") for command in SMALL if command not in dict(QUICK)]
+# `chaos` runs on the pair in tests/compare/chaos
+ELSEWHERE = (*dict(QUICK), "chaos")
+LONG = [(command, HERE / "pair.toml") for command in SMALL if command not in ELSEWHERE]
 LONG += [(command, EXAMPLES / f"{name}.toml") for command, name in ON_EXAMPLES.items()]
 CASES = QUICK + [pytest.param(*case, marks=pytest.mark.slow) for case in LONG]
 
