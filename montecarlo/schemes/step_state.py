@@ -78,19 +78,13 @@ class Scratch(NamedTuple):
     beside: Floats  # (3, 2 wheels)
 
 
-CHOICES = 8
-TOUCHING = 0
-"""First of the rows of `Scratch.choices`: sides on which meshes touch, those on which they stick,
-those without what is shaken, those that are held, and those that are held together; the wheel at
-the driver behind which a wheel is; the indices of the open meshes; and the sides of the closed
-meshes that left `Scratch.wheels_beside`."""
-STICKING = 1
-UNSHAKEN = 2
-HELD = 3
-GROUP = 4
-TOP = 5
-FREE = 6
-LEFT = 7
+# rows of `Scratch.choices`: sides on which meshes touch their walls, on which they stick, on which
+# they stick and are not shaken, on which they are held, and on which they are held together
+TOUCHING, STICKING, UNSHAKEN, HELD, GROUP = range(5)
+TOP = 5  # the wheel at the driver behind which each wheel is
+FREE = 6  # the open meshes
+LEFT = 7  # sides of the closed meshes that left `Scratch.wheels_beside`
+CHOICES = 8  # number of these rows
 
 FORCING = 12
 """Most numbers that are the same for every path, of each gap in a step."""
