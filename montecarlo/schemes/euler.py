@@ -23,7 +23,7 @@ from rattle.montecarlo.schemes.time_scales import (
     time_scales,
 )
 from rattle.scene import Bools, Constants, Floats, Scene
-from rattle.scene.compiled import fma, inline, lean, lean_internal, splice, widest_vectors
+from rattle.scene.compiled import fma, inline, lean, splice, widest_vectors
 from rattle.scene.drive import highest_order, velocity_acceleration
 
 PUSH = 0  # columns of a step's forcing: drift by excitation and drag over the step,
@@ -78,9 +78,10 @@ def _step_gap(
         beyond[p] = out | (f.seen & beyond[p])
 
 
-@lean_internal
+@inline
 def plain_lanes(
     c: Constants,
+    wheels: int,
     forcing: Floats,
     h: float,
     toleranced: bool,
@@ -94,12 +95,12 @@ def plain_lanes(
     marks those that are beyond a wall at its end.
 
     Children before their parents, whose speeds at the start of the step they need.  `walls` is read
-    only if they are toleranced. Shapes: `walls`, `state` (2 wheels, lanes or more); `speeds`
+    only if they are toleranced.  `wheels`: Their number, which a kernel for two knows. Shapes: `walls`, `state` (2 wheels, lanes or more); `speeds`
     (wheels, lanes or more); `z` (lanes or more,).
     """
     widest_vectors()
     fill_speeds(c, state, speeds, beyond.size)
-    last = c.wheels.size - 1
+    last = wheels - 1
     for i in range(last, -1, -1):
         wheel = c.wheels[i]
         parent = wheel.parent
@@ -140,6 +141,7 @@ def step_lanes(
     step_forcing(c, tau, h, scratch.forcing)
     plain_lanes(
         c,
+        scratch.wheels,
         scratch.forcing,
         h,
         toleranced,

@@ -54,6 +54,7 @@ def step_lanes(
     step_forcing(c, tau, h, scratch.forcing)
     plain_lanes(
         c,
+        scratch.wheels,
         scratch.forcing,
         h,
         True,
