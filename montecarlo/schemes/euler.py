@@ -95,8 +95,9 @@ def plain_lanes(
     marks those that are beyond a wall at its end.
 
     Children before their parents, whose speeds at the start of the step they need.  `walls` is read
-    only if they are toleranced.  `wheels`: Their number, which a kernel for two knows. Shapes: `walls`, `state` (2 wheels, lanes or more); `speeds`
-    (wheels, lanes or more); `z` (lanes or more,).
+    only if they are toleranced.  `wheels`: Their number, which a kernel for two knows. Shapes:
+    `walls`, `state` (2 wheels, lanes or more); `speeds` (wheels, lanes or more); `z` (lanes or
+    more,).
     """
     widest_vectors()
     fill_speeds(c, state, speeds, beyond.size)
