@@ -65,6 +65,7 @@ SHORTEST_PERIODS = 2
 WANTED_PERIODS = 6
 FIRST_LOOK_PERIODS = 64
 LONGEST_PERIODS = 4096
+SHORT_SHARE = 4  # of the first look at all parameters, what comes before the rest of it
 PERIODS_OF_BURN_IN = 4  # of the first look, for each period of burn-in at the least
 SETTLE_PERIODS = 24  # of the unchanged motion: its burn-in, and what follows
 ESTIMATE_SECONDS = 0.0025  # nominal, of the quantities of a group
@@ -357,7 +358,12 @@ class _Search:
             self.left_out = names[int(affordable) :]
             names = names[: int(affordable)]
         self.base.follow(shared, periods)
-        self._follow(dict.fromkeys(names, periods), burn_in)
+        # where a motion costs more than was counted, all parameters have been looked at shortly
+        # before the clock ends the longer look
+        shortly = max(periods // SHORT_SHARE, 1)
+        self._follow(dict.fromkeys(names, shortly), burn_in)
+        if periods > shortly and self.limit.remaining > 0.0:
+            self._follow(dict.fromkeys(names, periods), 0)
 
     def refine(self, wide: pd.Series) -> bool:
         """Follow the parameters with the widest intervals further; False if none can be.
