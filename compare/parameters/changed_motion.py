@@ -38,7 +38,8 @@ QUIET_SECONDS = 2e-6  # nominal processor time of a period of a path without imp
 class Shared:
     """What all the scenes share: random numbers, groups, burn-in and scales.
 
-    `burn_in`: periods that are left out. `base`: the paths of the unchanged scene.
+    `burn_in`: periods that are left out. `base`: the paths of the unchanged scene. `work`: nominal
+    processor time of a period of one of them.
     """
 
     scene: Scene
@@ -66,6 +67,7 @@ class Shared:
         base.begin()
         seen: list[Floats] = []
         base.follow(SCALE_PERIODS, seen)
+        self.work = max(base.nominal / self.paths, QUIET_SECONDS)
         self._scales = scales_of_pilot(self.scene.stages, np.concatenate(seen), self.slow)
         base.begin(self._scales)
         # its second quarter agrees with its second half; twice, for what the test cannot see

@@ -340,6 +340,8 @@ class _Search:
         self.shared = shared
         self._pool = pool
         self._bar = bar
+        # of the stationary motion: the few paths that chose the groups have hardly begun
+        self._work = PATHS_OF_A_GROUP * shared.work
         self._planned -= self.groups * self._work * shared.base.elapsed
         least = shared.burn_in
         room = FIRST_SHARE * self._planned / max(len(self.motions), 1)
