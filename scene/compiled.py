@@ -343,6 +343,9 @@ INTERNAL = OPTIONS | {"no_cpython_wrapper": True}
 LEAN_INTERNAL = LEAN | {"no_cpython_wrapper": True}
 INLINE = LEAN_INTERNAL | {"forceinline": True}
 
+ZERO = cast(int, np.int64(0))
+"""Of a non-literal type: numba compiles a function again for every literal argument."""
+
 
 def jit(function: Callable[P, R]) -> Callable[P, R]:
     """Compile a function that Python calls, and keep its machine code on disk."""

@@ -39,7 +39,7 @@ from rattle.montecarlo.schemes.step_state import (
 )
 from rattle.montecarlo.schemes.sticking import is_any, leave_lifted, put_all
 from rattle.scene import Constants, Floats, InputError, Ints, Scene
-from rattle.scene.compiled import internal, lean_internal, not_inlined
+from rattle.scene.compiled import ZERO, internal, lean_internal, not_inlined
 from rattle.scene.drive import velocity_acceleration
 from rattle.scene.impact import strike
 from rattle.scene.sticking import (
@@ -471,7 +471,7 @@ def _walk_tree(tree: Tree, path: Word, step: int, whole: Noise, hits: Floats) ->
     pending = tree.room.pending
     tau = (step % len(w.forcing)) * w.h
     offset = 0.0
-    n = 0
+    n = ZERO
     _put(pending, 0, whole, 0, 1)
     top = 0
     while top >= 0:

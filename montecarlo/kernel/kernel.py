@@ -4,9 +4,7 @@ time."""
 import math
 from collections.abc import Callable
 from functools import cache
-from typing import Any, NamedTuple, cast
-
-import numpy as np
+from typing import Any, NamedTuple
 
 from rattle.montecarlo.kernel.mixture import BranchMixture, condition, weigh
 from rattle.montecarlo.noise.backlash import Backlash, half_gap
@@ -28,12 +26,10 @@ from rattle.montecarlo.schemes.step_state import (
 )
 from rattle.montecarlo.schemes.sticking import add_closed, close_only, put_all
 from rattle.scene import Constants, Floats, Ints
-from rattle.scene.compiled import lean, splice, widest_vectors
+from rattle.scene.compiled import ZERO, lean, splice, widest_vectors
 from rattle.scene.impact import strike
 
 ENDLESS = 2**62  # impacts of a path that is followed beyond those that are recorded
-ZERO = cast(int, np.int64(0))
-"""Of a non-literal type: numba compiles a function again for every literal argument."""
 FLANK_DRAWS = 4  # half gaps drawn at the start, of two wheels; the draws of the impacts follow
 
 

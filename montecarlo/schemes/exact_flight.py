@@ -449,7 +449,8 @@ def _advance_beside(
     take_open(whole.state, free, part.state)
     take_open(whole.walls, free, part.walls)
     beside = Inside(c, inside.key, inside.path, inside.step, inside.level, False, False, part)
-    moved, phase = _advance(beside, c, True, met, at, phase)
+    flown = inside.closed  # always: of a type that is not literal, as that of open meshes
+    moved, phase = _advance(beside, c, flown, met, at, phase)
     put_open(whole.state, free, part.state)
     code = moved.code
     if code != 0:
