@@ -4,8 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from rattle import Scene
-from rattle.scene import RattleError, section_names
+from rattle.scene import RattleError, Scene, section_names
 
 FAINTEST = 1e-289  # smallest power of an sd that can be a divisor
 SLACK = 1e-9  # relative rounding error of a correlation and of an eigenvalue
@@ -78,10 +77,3 @@ def has_verdicts(table: Any) -> None:
     must(silent.empty, "predicted, and not judged\n", silent)
     share = table["agreement"].dropna()
     must((share >= 0.0) & (share <= 1.0), "agreement", share)
-
-
-def finite(scene: Scene) -> bool:
-    """Whether compiled code gets finite numbers only."""
-    c = scene.constants
-    numbers = [c.alpha, c.sigma, c.memory, *np.ravel(c.wheels.tolist()), *map(np.ravel, c.drive)]
-    return bool(np.isfinite(np.hstack(numbers)).all())

@@ -133,25 +133,6 @@ PRESSED = Scene(
 TOLERANT = replace(UNEQUAL_GAPS, tolerance=Tolerance(0.05, 0.03, draw="contact"))
 
 
-def flank_changes(raw, mesh):
-    """Over successive impacts on one flank: did the wall move, and had the opposite flank been
-    struck between?"""
-    moved = []
-    between = []
-    for path in raw:
-        last = {}
-        struck = {1: False, -1: False}
-        for row in path[np.abs(path[:, 6]) == mesh]:
-            side = int(np.sign(row[6]))
-            if side in last:
-                moved.append(row[2 * mesh] != last[side])
-                between.append(struck[side])
-            last[side] = row[2 * mesh]
-            struck[side] = False
-            struck[-side] = True
-    return np.array(moved), np.array(between)
-
-
 def for_python(function):
     """A function that only compiled code calls, compiled for Python too: called as it stands it
     would crash."""
