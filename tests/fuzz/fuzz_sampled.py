@@ -110,13 +110,13 @@ def _moments(run: Ensemble, reached: Any) -> None:
 
 def _at_times(run: Ensemble) -> None:
     fixed = run.at_times()
-    stages = range(1, run.scene.stages + 1)
     must(~np.isinf(fixed.to_numpy(float)), "an infinite number at a time\n", fixed.T)
-    for x, y, rho in [(f"x{s}", f"y{s}", f"rho{s}") for s in stages if len(fixed)]:
-        moments = fixed[[x, y, f"cov_{x}_{x}", f"cov_{x}_{y}", f"cov_{y}_{y}"]]
-        must(moments.notna(), "no moment at a time\n", fixed.T)
-        varies = (moments[f"cov_{x}_{x}"] * moments[f"cov_{y}_{y}"] > FAINTEST).to_numpy()
-        must(abs(fixed.loc[varies, rho]) <= CORRELATION, "no correlation at a time\n", fixed.T)
+    for s in range(1, run.scene.stages + 1) if len(fixed) else ():
+        variances = fixed[[f"cov_x{s}_x{s}", f"cov_y{s}_y{s}"]]
+        needed = fixed[[f"x{s}", f"y{s}", f"cov_x{s}_y{s}"]].join(variances)
+        must(needed.notna(), "no moment at a time\n", fixed.T)
+        varies = variances.prod(axis=1) > FAINTEST
+        must(fixed.loc[varies, f"rho{s}"].abs() <= CORRELATION, "no correlation\n", fixed.T)
 
 
 def unexplained(run: Ensemble) -> dict[str, Any]:

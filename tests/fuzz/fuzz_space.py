@@ -126,18 +126,13 @@ def _plain(n: Numbers, lengths: _Lengths, stages: int) -> Data:
 def _gears(n: Numbers, scene: Data) -> Data:
     """A gear pair of any size that makes about this scene."""
     names = ("omega", "inertia1", "inertia2", "radius1", "radius2", "backlash1")
-    pair = {
-        name: n.size(1e-3, 1e3) if n.often(0.7) else n.size(*SIZES, zero=False) for name in names
-    }
-    pair = {name: value or 1.0 for name, value in pair.items()}
+    sizes = (1e-3, 1e3) if n.often(0.5) else SIZES
+    pair = {name: n.size(*sizes, zero=False) for name in names}
     for i in (1, 2):
-        inertia = pair[f"inertia{i}"]
-        omega = pair["omega"]
-        pair[f"damping{i}"] = min(1e-3 * scene[f"beta{i}"] * inertia * omega, SIZES[1])
-        drag = (
-            1e-3 * scene[f"gamma{i}"] * inertia * omega**2 * pair["backlash1"] / pair[f"radius{i}"]
-        )
-        pair[f"torque{i}"] = min(drag, SIZES[1])
+        momentum = 1e-3 * pair[f"inertia{i}"] * pair["omega"]
+        drag = momentum * pair["omega"] * pair["backlash1"] / pair[f"radius{i}"]
+        pair[f"damping{i}"] = min(momentum * scene[f"beta{i}"], SIZES[1])
+        pair[f"torque{i}"] = min(drag * scene[f"gamma{i}"], SIZES[1])
     pair["backlash2"] = min(max(2.0 * scene["gap2"] * pair["backlash1"], SIZES[0]), SIZES[1])
     return pair | {"alpha": scene["alpha"], "epsilon": scene["epsilon"]}
 

@@ -117,19 +117,6 @@ DAMPED = Scene(
 )
 """Strong unequal damping, so that both stages feel the noise and each other."""
 
-PRESSED = Scene(
-    alpha=0.0,
-    epsilon=0.0,
-    beta1=0.1,
-    beta2=0.1,
-    gamma1=2.0,
-    gamma2=5.0,
-    mu=0.5,
-    sigma=0.01,
-    start=Start(0.0, 0.5, 1.0, -0.5, -1.0, mesh=1),
-)
-"""Both meshes stick: impacts accumulate within a step, if they are located."""
-
 TOLERANT = replace(UNEQUAL_GAPS, tolerance=Tolerance(0.05, 0.03, draw="contact"))
 
 

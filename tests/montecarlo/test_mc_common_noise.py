@@ -5,9 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from mc_checks import dat21, open_space, orbit_of
-from oracle import gearbox
-from scipy.linalg import expm
+from mc_checks import dat21, orbit_of
 
 from rattle.montecarlo import simulate
 from rattle.montecarlo.coupling.paths import LongPath
@@ -56,21 +54,6 @@ def test_a_path_is_the_same_however_it_is_cut():
     for i, name in enumerate(whole._fields):
         assert (np.concatenate([s[i] for s, _ in pieces]) == whole[i]).all(), name
     assert (np.concatenate([v for _, v in pieces]) == velocity).all()
-
-
-def test_paths_of_one_number_share_their_noise_and_others_do_not():
-    """Far from walls two of them differ by the linear flow alone."""
-    scene = open_space(1.0)
-    a = LongPath(scene, 3)
-    b = LongPath(scene, 3)
-    other = LongPath(scene, 3, path=1)
-    apart = np.array([0.3, -0.2, 0.1, 0.5])
-    b.at[:4] += apart
-    for path in (a, b, other):
-        path.stretch(500)
-    moved = expm(500 * a.step * gearbox(scene.constants).drift_matrix()) @ apart
-    assert b.at[:4] - a.at[:4] == pytest.approx(moved, abs=1e-9)
-    assert np.abs(other.at[:4] - a.at[:4] - moved).max() > 0.1
 
 
 SHAFT = Wheel(beta=0.1, gamma=0.3, gap=0.5, epsilon=0.7)

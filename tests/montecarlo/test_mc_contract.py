@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from mc_checks import (
     DAMPED,
-    PRESSED,
     UNEQUAL_GAPS,
     dat21,
     orbit_of,
@@ -29,8 +28,6 @@ ORBITS = {
     "plastic": replace(UNEQUAL_GAPS, epsilon=0.05),
     "in flight": replace(dat21(), start=Start(0.4, 0.1, -0.3, -0.2, 0.6)),
 }
-
-LOCATES = {"euler-maruyama": False, "euler-maruyama-located": True, "exact-flight": True}
 
 
 @pytest.mark.parametrize("scheme", SCHEMES)
@@ -84,17 +81,6 @@ class TestScheme:
         assert np.nanmax(run.raw[:, :, 0]) <= 1.5 + STEP[scheme]
         steps = math.ceil(1.5 / STEP[scheme])
         assert run.path_steps == 200 * steps
-
-    # --- impacts that pile up
-
-    def test_accumulating_impacts_return_and_are_counted(self, scheme):
-        """Both meshes stick until the drive lifts them: impacts accumulate within a step, if they
-        are located."""
-        run = self.run(scheme, replace(PRESSED, alpha=4.0), paths=20, impacts=500)
-        assert run.unfinished == 0
-        assert (run.sticking_steps > 0) == LOCATES[scheme]
-        assert np.isfinite(run.raw).all()
-        assert (run.raw[:, :, 1] >= 0.0).all()
 
     # --- walls
 

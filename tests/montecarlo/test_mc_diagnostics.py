@@ -70,10 +70,8 @@ def test_sticking_after_the_last_impact_is_no_fault_of_the_section():
 
 
 SCENE = rattle.Scene.from_gears(rattle.DAT21, sigma=0.1)
-QUIET = SCENE.with_sigma(0.01)
 MADE = {
     "Ensemble": lambda: rattle.simulate(SCENE, paths=64, impacts=2, scheme=PLAIN),
-    "Ensemble to an accuracy": lambda: rattle.simulate_to(QUIET, 0.1, impacts=1),
     "Validation": lambda: rattle.validate(SCENE, paths=64, impacts=2),
     "MeanMap": lambda: rattle.mean_map(SCENE, impacts=2, closure="branching", tolerance=0.1),
     "Stationary": lambda: rattle.stationary(SCENE.with_sigma(0.5), periods=64, paths=16),
