@@ -1,6 +1,7 @@
 """Scene files and study files through the command line."""
 
 import contextlib
+import re
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
@@ -20,7 +21,7 @@ def run(*words: str) -> Result:
     if done.exception is not None and not isinstance(done.exception, SystemExit):
         raise done.exception
     must(done.exit_code in (0, 1, 2, 3, 4), "exit code", done.exit_code, done.output)
-    reason = any(word in done.stderr for word in ("rattle: ", "Error: ", "Usage: "))
+    reason = re.search("rattle: |Error: |Usage: ", done.stderr)
     must(done.exit_code != 2 or reason, "exit code 2 without a reason:", done.output)
     return done
 

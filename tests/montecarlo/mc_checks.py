@@ -55,23 +55,10 @@ def open_space(sigma: float, **changes) -> Scene:
     return replace(dat21(sigma), **({"gap1": 1e6, "gap2": 1e6, "start": start} | changes))
 
 
-@jit
-def _steps(key, path, count):
-    out = np.empty((count + 3) // 4 * 4)
-    for n in range(out.size // 4):
-        out[4 * n], out[4 * n + 1], out[4 * n + 2], out[4 * n + 3] = normals(
-            key, np.uint64(path), np.uint64(n), np.uint64(STEP)
-        )
-    return out
-
-
 def step_normals(key: Key, path: int, steps: int) -> np.ndarray:
-    """Standard normals of a path's first finest steps under the Euler schemes, at least so many.
-
-    Read in pairs, they are increments and areas, in standard units, of the steps of the exact
-    flight.
-    """
-    return _steps(key, path, steps)
+    """Standard normals of a path's first finest steps under the Euler schemes, at least so many."""
+    word = np.uint64
+    return np.ravel([normals(key, word(path), word(n), word(STEP)) for n in range(steps // 4 + 1)])
 
 
 def bridge_normal(key: Key, path: int, step: int, call: int, level: int = 0) -> float:

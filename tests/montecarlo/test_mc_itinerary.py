@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from rattle import InputError
+from rattle import InputError, follow
 from rattle.montecarlo import Ensemble, Record, simulate
 from rattle.scene import DAT21, Scene, Start, section_names
 
@@ -24,11 +24,15 @@ def test_moments_are_those_of_the_paths_that_follow_it():
     record = Record(on_itinerary=True, itineraries=named)
     kept = simulate(NOISY, paths=4096, impacts=IMPACTS, rng=3, record=record)
     assert kept.section.equals(plain.section)
+    orbit = follow(NOISY, IMPACTS)
+    assert kept.plan.itineraries["noise-free"] == (*(orbit.mesh * orbit.side)[1:],)
+    assert kept.section["agreement"].equals(kept.agreement["noise-free"].rename("agreement"))
     for name, itinerary in kept.plan.itineraries.items():
         section = kept.on_itinerary(name).section
-        follow = np.logical_and.accumulate(plain.raw[:, :, 6] == np.array(itinerary), axis=1)
-        assert section["paths"].tolist() == follow.sum(axis=0).tolist()
-        for impact, on in enumerate(follow.T):
+        follows = np.logical_and.accumulate(plain.raw[:, :, 6] == np.array(itinerary), axis=1)
+        assert section["paths"].tolist() == follows.sum(axis=0).tolist()
+        assert kept.agreement[name].to_list() == pytest.approx(follows.mean(axis=0), rel=1e-15)
+        for impact, on in enumerate(follows.T):
             rows = pd.DataFrame(plain.raw[on, impact, :6], columns=SECTION)
             found = section.iloc[impact]
             assert found[SECTION].to_list() == pytest.approx(rows.mean(), rel=1e-12, nan_ok=True)
