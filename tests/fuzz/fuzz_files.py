@@ -1,6 +1,7 @@
 """Scene files and study files through the command line."""
 
 import contextlib
+import re
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
@@ -20,7 +21,7 @@ def run(*words: str) -> Result:
     if done.exception is not None and not isinstance(done.exception, SystemExit):
         raise done.exception
     must(done.exit_code in (0, 1, 2, 3, 4), "exit code", done.exit_code, done.output)
-    reason = any(word in done.stderr for word in ("rattle: ", "Error: ", "Usage: "))
+    reason = re.search("rattle: |Error: |Usage: ", done.stderr)
     must(done.exit_code != 2 or reason, "exit code 2 without a reason:", done.output)
     return done
 
@@ -29,19 +30,19 @@ def command(name: str) -> Callable[[Scene, dict[str, Any]], Ended]:
     """The command prints strict JSON, and the report that it has written can be shown."""
 
     def on_file(scene: Scene, settings: dict[str, Any]) -> Ended:
-        table = scene.to_dict() | settings if name == "study" else scene.to_dict()
-        options = [] if name == "study" else [f"--{key}={value}" for key, value in settings.items()]
-        if name == "validate":
-            options.append("--no-validity")
-        place = "section.csv" if name == "simulate" else "report"
+        table = scene.to_dict()
+        options = ["--workers=1", "--json", "--out=report"]
+        if name == "study":
+            table |= settings
+        else:
+            options += ["--no-validity", *(f"--{key}={value}" for key, value in settings.items())]
         with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder):
             Path("file.toml").write_text(tomli_w.dumps(table), encoding="utf-8")
-            done = run(name, "file.toml", *options, "--workers", "1", "--json", "--out", place)
+            done = run(name, "file.toml", *options)
             if done.exit_code == 2:
                 return "refused", name
             must(strict(done.stdout), "no answer")
-            if name != "simulate":
-                must(run("show", place).exit_code == 0, "show")
+            must(run("show", "report").exit_code == 0, "show")
         return ("stopped", f"code {done.exit_code}") if done.exit_code else ("complete", "")
 
     return on_file

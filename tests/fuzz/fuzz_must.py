@@ -4,8 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from rattle import Scene
-from rattle.scene import RattleError, section_names
+from rattle.scene import RattleError, Scene, section_names
 
 FAINTEST = 1e-289  # smallest power of an sd that can be a divisor
 SLACK = 1e-9  # relative rounding error of a correlation and of an eigenvalue
@@ -63,25 +62,12 @@ def has_verdicts(table: Any) -> None:
     say, numbers do too."""
     must(table["verdict"].isin([*JUDGED, "not predicted", "excluded"]), table["verdict"].unique())
     judged = table[table["verdict"].isin(JUDGED)]
-    numbers = ["predicted", "simulated", "error", "tolerance", "agreement"]
-    interval = ["se", "low", "high"]
-    must(np.isfinite(judged[numbers].to_numpy(float)), "judged without a number\n", judged[numbers])
-    must(judged["tolerance"] >= 0.0, "tolerance\n", judged[numbers])
+    numbers = judged[["predicted", "simulated", "error", "tolerance", "agreement"]]
+    must(np.isfinite(numbers.to_numpy(float)), "judged without a number\n", numbers)
+    must(judged["tolerance"] >= 0.0, "tolerance\n", numbers)
     told = judged[~judged["remark"].str.contains("too few paths for an interval")]
-    must(
-        np.isfinite(told[interval].to_numpy(float)), "judged without an interval\n", told[interval]
-    )
-    must((told["low"] <= told["high"]) & (told["se"] >= 0.0), "interval\n", told[interval])
-    silent = table[
-        (table["verdict"] == "not predicted") & table[["predicted", "low"]].notna().all(axis=1)
-    ]
-    must(silent.empty, "predicted, and not judged\n", silent)
-    share = table["agreement"].dropna()
-    must((share >= 0.0) & (share <= 1.0), "agreement", share)
-
-
-def finite(scene: Scene) -> bool:
-    """Whether compiled code gets finite numbers only."""
-    c = scene.constants
-    numbers = [c.alpha, c.sigma, c.memory, *np.ravel(c.wheels.tolist()), *map(np.ravel, c.drive)]
-    return bool(np.isfinite(np.hstack(numbers)).all())
+    ordered = (told["low"] <= told["high"]) & (told["se"] >= 0.0)
+    must(ordered & np.isfinite(told["high"] - told["low"]), "interval\n", told)
+    known = table[["predicted", "low"]].notna().all(axis=1)
+    must(~(known & (table["verdict"] == "not predicted")), "predicted, and not judged\n", table)
+    must(table["agreement"].dropna().between(0.0, 1.0), "agreement", table["agreement"])

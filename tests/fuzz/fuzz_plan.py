@@ -12,8 +12,6 @@ from rattle.scene import RattleError, Scene
 WORK = 1e6  # steps of all paths
 HORIZON_PER_IMPACT = 50.0  # time and steps after which a path is given up by default
 DEFAULT_STEPS = 10**7
-ALONE = 2  # paths that may take the default horizon, of up to ten million steps
-USUAL = 0.3  # smallest step with the default horizon, in units of the default step
 # steps of the default horizon above which entries without another horizon are tried rarely
 SOON = 1e5
 CODES = {1: (1, -1), 2: (1, -1, 2, -2)}  # of impacts, by number of wheels
@@ -32,16 +30,6 @@ def _closure(n: Numbers, scene: Scene) -> Settings:
     return {"impacts": n.count(64), "order": n.one(2, 3, 4, 5, 6)}
 
 
-def _step(
-    n: Numbers, scene: Scene, scheme: str, biased: bool, least: float = LEAST
-) -> tuple[float | None, float]:
-    """A step as it is given, the default among them, and its size."""
-    longest = largest_step(scene, scheme)[0] / (4 if biased else 1)
-    least = max(n.one(1e-3 * longest, 1e-3 * longest, 1e-6 * longest), least)
-    dt = None if n.often(0.4) else n.size(least, longest, zero=False)
-    return dt, default_step(scene, scheme, biased) if dt is None else dt
-
-
 def _run(scheme: str) -> Callable[[Numbers, Scene], Settings]:
     exact = not SCHEMES[scheme].has_step_bias
 
@@ -49,30 +37,16 @@ def _run(scheme: str) -> Callable[[Numbers, Scene], Settings]:
         biased = not exact and n.often(0.3)
         paths = n.one(1, 2, 3, 31, 33, n.one(31, 33, 1000, 1030))
         impacts = n.count(64)
-        waits = paths <= ALONE and n.often(0.05 if _soon(scene) else 0.005)
-        dt, step = _step(
-            n,
-            scene,
-            scheme,
-            biased,
-            USUAL * default_step(scene, scheme, biased) if waits else LEAST,
-        )
-        out: Settings = {
-            "paths": paths,
-            "impacts": impacts,
-            "dt": dt,
-            "rng": n.seed(),
-            "step_bias": biased,
-        }
-        out["horizon"] = None if waits else step * n.size(1.0, WORK / paths, False)
-        longest = (
-            min(HORIZON_PER_IMPACT * impacts, DEFAULT_STEPS * step)
-            if out["horizon"] is None
-            else out["horizon"]
-        )
+        longest = largest_step(scene, scheme)[0] / (4 if biased else 1)
+        least = max(n.one(1e-3 * longest, 1e-3 * longest, 1e-6 * longest), LEAST)
+        dt = None if n.often(0.4) else n.size(least, longest, zero=False)
+        step = default_step(scene, scheme, biased) if dt is None else dt
+        horizon = step * n.size(1.0, WORK / paths, False)
+        recorded = ("histogram", "batches", "energy")
+        out: Settings = {name: n.often(0.3) for name in recorded} | {"step_bias": biased}
         coarsest = 4.0 * step if biased else step
-        if n.often(0.3) and longest > coarsest:
-            since = [n.size(coarsest, longest, False) for _ in range(n.one(1, 1, 3))]
+        if n.often(0.3) and horizon > coarsest:
+            since = [n.size(coarsest, horizon, False) for _ in range(n.one(1, 1, 3))]
             out["times"] = tuple(scene.start.tau + t for t in since)
         if exact:
             out["control"] = n.often(0.25)
@@ -81,11 +55,8 @@ def _run(scheme: str) -> Callable[[Numbers, Scene], Settings]:
         if n.often(0.2):
             codes = CODES[scene.stages]
             out["itineraries"] = {"mine": tuple(n.one(*codes) for _ in range(impacts))}
-        return (
-            out
-            | {name: n.often(0.3) for name in ("histogram", "batches", "energy")}
-            | {"raw": n.often(0.8)}
-        )
+        own = {"paths": paths, "impacts": impacts, "dt": dt, "rng": n.seed(), "horizon": horizon}
+        return out | own | {"raw": n.often(0.8)}
 
     return settings
 
@@ -109,16 +80,6 @@ def _validation(n: Numbers, scene: Scene) -> Settings:
         "scheme": n.one("exact-flight", "exact-flight", *SCHEMES),
         "order": n.one(2, 3, 4, 5, 6),
         "rng": n.seed(),
-    }
-
-
-def _command(n: Numbers, scene: Scene) -> Settings:
-    """Options of ``rattle simulate``, whose horizon is the default one: few paths."""
-    return {
-        "impacts": n.one(1, 2, n.count(64)),
-        "seed": n.seed(),
-        "paths": n.one(1, 2, 33),
-        "scheme": n.one(*SCHEMES),
     }
 
 
@@ -163,11 +124,10 @@ PLAN: dict[str, Tried] = {
     "exact-flight": Tried(14, _run("exact-flight")),
     "accuracy": Tried(4, _accuracy),
     "validate": Tried(1.5, _validation, waits=True),
-    "simulate a file": Tried(5, _command, waits=True),
     "validate a file": Tried(0.2, _report, waits=True),
     "study a file": Tried(0.5, _study, waits=True),
 }
-"""Every entry point: the API, scene files, the command line, studies; the last three read back what
+"""Every entry point: the API, scene files, the command line, studies; the last two read back what
 was written."""
 
 _EDGES = [sum(tried.share for tried in list(PLAN.values())[: i + 1]) for i in range(len(PLAN))]

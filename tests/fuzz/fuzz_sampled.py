@@ -15,7 +15,7 @@ from fuzz_must import FAINTEST, SLACK, Ended, must, own, semidefinite
 from settings import recorded
 
 from rattle.montecarlo import Ensemble, simulate, simulate_to
-from rattle.scene import Constants, Floats, Scene, Tolerance
+from rattle.scene import Floats, Scene, Tolerance
 from rattle.scene.flight import flow, wheel_speeds
 from rattle.scene.impact import strike
 
@@ -33,16 +33,16 @@ def scheme(name: str) -> Callable[[Scene, dict[str, Any]], Ended]:
     distributions."""
 
     def ensemble(scene: Scene, settings: dict[str, Any]) -> Ended:
-        given = {"scheme": name, "raw": True} | settings
-        run = simulate(scene, **recorded(given))
+        given = recorded({"scheme": name, "raw": True} | settings)
+        run = simulate(scene, **given)
         if settings["paths"] > 1024:
-            other = simulate(scene, **recorded(given), workers=2)
+            other = simulate(scene, **given, workers=2)
             must(run.section.equals(other.section), "workers change", run.section)
         must(run.paths == settings["paths"], "paths", run.paths)
         of_an_ensemble(run)
         if settings.get("step_bias"):
             must(~np.isinf(run.step_bias["bias"].to_numpy()), "bias")
-        if run.raw is not None and given["raw"]:
+        if run.raw is not None:
             of_its_paths(scene, np.asarray(run.raw), name)
             follows_the_flow(run)
         return ("stopped", "unfinished paths") if run.unfinished else ("complete", "")
@@ -59,18 +59,12 @@ def accuracy(scene: Scene, settings: dict[str, Any]) -> Ended:
     assert reach is not None
     for warning in said:  # that it is not reached is worth a warning, and nothing else is
         must(not reach.reached and "ccuracy" in str(warning.message), "warns", warning)
-    reported = [
-        reach.sampling,
-        reach.step,
-        reach.more_seconds,
-        *(c.core_seconds for c in reach.candidates),
-    ]
     # infinitely many seconds, where no time suffices
-    must(np.array(reported) >= 0.0, "reach", reach)
+    seconds = [reach.more_seconds, *(c.core_seconds for c in reach.candidates)]
+    must(np.array([reach.sampling, reach.step, *seconds]) >= 0.0, "reach", reach)
     must(np.isfinite([reach.sampling, reach.step]), "reach", reach)
-    must(reach.sentence and ("NOT" in reach.sentence) != reach.reached, "sentence", reach.sentence)
-    if not is_random(scene):
-        must(run.plan.paths == 1, "identical paths are computed", run.plan.paths)
+    must(("NOT" in reach.sentence) != reach.reached, "sentence", reach.sentence)
+    must(is_random(scene) or run.plan.paths == 1, "identical paths are computed", run.plan.paths)
     return ("complete", "") if reach.reached else ("stopped", "budget")
 
 
@@ -86,32 +80,17 @@ def of_an_ensemble(run: Ensemble) -> None:
     _moments(run, reached)
     _in_time(run, reached)
     _at_times(run)
-    must(all(isinstance(c, str) and c for c in run.diagnostics), "diagnostics", run.diagnostics)
-    must(
-        bool(run.diagnostics) or not run.unfinished,
-        "no diagnostic of unfinished paths",
-        run.unfinished,
-    )
+    must(bool(run.diagnostics) or not run.unfinished, "no diagnostic of", run.unfinished)
 
 
 def _shares(run: Ensemble, reached: Any) -> None:
-    must(
-        (reached >= 0) & (reached <= run.paths),
-        "more paths than were asked for",
-        reached,
-        run.paths,
-    )
-    must(np.diff(reached) <= 0, "paths", reached)
+    """Paths that have an impact, and those of them that agree, grow fewer."""
+    must((reached >= 0) & (np.diff(reached, prepend=run.paths) <= 0), "paths", reached)
     must(reached[-1] + run.unfinished == run.paths, "unfinished", run.unfinished, reached)
     share = np.column_stack([run.section["agreement"], run.agreement])
-    must((share >= 0.0) & (share <= 1.0), "agreement", share)
+    most = reached[:, None] / run.paths * (1.0 + 1e-12)
+    must((share >= 0.0) & (share <= most), "more agree than are there", share, reached)
     must(np.diff(share, axis=0) <= 0.0, "agreement rises", share)
-    must(
-        share <= reached[:, None] / run.paths * (1.0 + 1e-12),
-        "more agree than are there",
-        share,
-        reached,
-    )
 
 
 def _moments(run: Ensemble, reached: Any) -> None:
@@ -119,28 +98,25 @@ def _moments(run: Ensemble, reached: Any) -> None:
     names = own(run.scene)
     must(~np.isinf(table.to_numpy(float)), "infinite\n", table.T)
     for prefix in ("sd_", "se_", "se_sd_", "se_skew_", "se_kurt_"):
-        must(
-            ~(table[[prefix + q for q in names]] < 0.0), "a negative spread", prefix, "\n", table.T
-        )
+        must(~(table[[prefix + q for q in names]] < 0.0), "a negative spread\n", table.T)
     rho = table[[f"rho{i}" for i in range(1, run.scene.stages + 1)]].to_numpy()
     must(np.isnan(rho) | (abs(rho) <= CORRELATION), "rho", rho)
     for name, silent in unexplained(run).items():
         must(~silent, "a number is missing without a reason:", name, "\n", table[name])
-    for k in np.flatnonzero(reached > 1):
-        semidefinite(run.covariance[k : k + 1])
+    semidefinite(run.covariance[reached > 1])
     if "energy" in table:
-        must(table["energy"].isna() | (table["energy"] >= 0.0), "energy", table["energy"])
+        must(~(table["energy"] < 0.0), "energy", table["energy"])
 
 
 def _at_times(run: Ensemble) -> None:
     fixed = run.at_times()
-    stages = range(1, run.scene.stages + 1)
     must(~np.isinf(fixed.to_numpy(float)), "an infinite number at a time\n", fixed.T)
-    for x, y, rho in [(f"x{s}", f"y{s}", f"rho{s}") for s in stages if len(fixed)]:
-        moments = fixed[[x, y, f"cov_{x}_{x}", f"cov_{x}_{y}", f"cov_{y}_{y}"]]
-        must(moments.notna(), "no moment at a time\n", fixed.T)
-        varies = (moments[f"cov_{x}_{x}"] * moments[f"cov_{y}_{y}"] > FAINTEST).to_numpy()
-        must(abs(fixed.loc[varies, rho]) <= CORRELATION, "no correlation at a time\n", fixed.T)
+    for s in range(1, run.scene.stages + 1) if len(fixed) else ():
+        variances = fixed[[f"cov_x{s}_x{s}", f"cov_y{s}_y{s}"]]
+        needed = fixed[[f"x{s}", f"y{s}", f"cov_x{s}_y{s}"]].join(variances)
+        must(needed.notna(), "no moment at a time\n", fixed.T)
+        varies = variances.prod(axis=1) > FAINTEST
+        must(fixed.loc[varies, f"rho{s}"].abs() <= CORRELATION, "no correlation\n", fixed.T)
 
 
 def unexplained(run: Ensemble) -> dict[str, Any]:
@@ -153,33 +129,22 @@ def unexplained(run: Ensemble) -> dict[str, Any]:
     is no float.
     """
     table = run.section
-    computed = run.result.sums["section"]
-    variance = np.nan_to_num(computed.moment(2, 0))
-    nobody = table["paths"].to_numpy() == 0
-    few = [is_random(run.scene) & (table["paths"].to_numpy() < least) for least in range(5)]
-    missing: dict[str, Any] = {}
+    paths = table["paths"].to_numpy()
+    few = [is_random(run.scene) & (paths < least) for least in range(5)]
+    sd = np.sqrt(np.nan_to_num(run.result.sums["section"].moment(2, 0)))
+    may = dict.fromkeys(("mesh", "side", "agreement", "paths"), few[0])
     for i, q in enumerate(own(run.scene)):
-        sd = np.sqrt(variance[:, i])
         for prefix, (least, power, se_power) in LEAST.items():
-            missing[prefix + q] = (
-                table[prefix + q].isna().to_numpy() & ~nobody & (sd**power > FAINTEST)
-            )
-            small_noise = few[least] | (sd**se_power < FAINTEST)
-            missing["se_" + prefix + q] = (
-                table["se_" + prefix + q].isna().to_numpy() & ~nobody & ~small_noise
-            )
+            may[prefix + q] = sd[:, i] ** power <= FAINTEST
+            may["se_" + prefix + q] = few[least] | (sd[:, i] ** se_power <= FAINTEST)
     for stage in range(1, run.scene.stages + 1):
-        still = (variance[:, [2 * stage, 2 * stage + 1]] == 0.0).any(axis=1)
-        missing[f"rho{stage}"] = table[f"rho{stage}"].isna().to_numpy() & ~nobody & ~still
-    for name in (
-        "mesh",
-        "side",
-        "agreement",
-        "paths",
-        *(n for n in ("energy", "se_energy") if n in table),
-    ):
-        missing[name] = table[name].isna().to_numpy() & ~nobody & ~(few[2] & (name == "se_energy"))
-    return missing
+        may[f"rho{stage}"] = (sd[:, [2 * stage, 2 * stage + 1]] == 0.0).any(axis=1)
+    if "energy" in table:
+        may |= {"energy": few[0], "se_energy": few[2]}
+    return {
+        name: table[name].isna().to_numpy() & (paths > 0) & ~allowed
+        for name, allowed in may.items()
+    }
 
 
 def _in_time(run: Ensemble, reached: Any) -> None:
@@ -188,17 +153,14 @@ def _in_time(run: Ensemble, reached: Any) -> None:
     columns = run.phase_reduced.columns  # with all their digits
     tau = columns["tau"]
     flight = columns["flight"]
-    controlled = "control" in run.result.sums
     same = (reached[1:] == reached[:-1]) & (reached[1:] > 0)
-    back = same & (np.diff(tau) < -1e-12 * abs(tau[1:]))
-    must(~back, "impacts run backwards", tau)
+    must(~(same & (np.diff(tau) < -1e-12 * abs(tau[1:]))), "impacts run backwards", tau)
     must(~(flight < 0.0), "a mean flight below 0", flight)
-    if not controlled:
-        apart = abs(np.diff(tau) - flight[1:]) > 1e-9 * flight[1:] + 1e-12 * abs(tau[1:])
-        must(~(same & apart), "times and flights", tau, flight)
-    for stage in (
-        range(1, run.scene.stages + 1) if not controlled and run.scheme not in OVERSHOOTS else ()
-    ):
+    if "control" in run.result.sums:
+        return
+    apart = abs(np.diff(tau) - flight[1:]) > 1e-9 * flight[1:] + 1e-12 * abs(tau[1:])
+    must(~(same & apart), "times and flights", tau, flight)
+    for stage in range(1, run.scene.stages + 1) if run.scheme not in OVERSHOOTS else ():
         x = columns[f"x{stage}"]
         most = run.scene.windows[stage - 1]
         must(~(abs(x) > most * (1.0 + SLACK)), "a mean beyond its walls", x, most)
@@ -207,26 +169,22 @@ def _in_time(run: Ensemble, reached: Any) -> None:
 def of_its_paths(scene: Scene, raw: Any, name: str) -> None:
     """Every path is causal and inside the widest its walls may be, on a wall where it strikes
     one."""
-    tau = raw[..., 0]
-    flight = raw[..., 1]
-    code = raw[..., -1]
-    there = ~np.isnan(tau)
+    there = ~np.isnan(raw[..., 0])
     must(there[:, 1:] <= there[:, :-1], "a path comes back")
+    tau, flight, *state, code = raw[there].T
     must(np.isfinite(raw[there]), "a path is not finite")
-    must(flight[there] >= 0.0, "a flight runs backwards")
-    mesh = abs(code[there])
-    must((mesh >= 1) & (mesh <= scene.stages) & (mesh % 1.0 == 0.0), "itinerary")
-    must(tau[there] >= scene.phase, "before the start")
+    must(flight >= 0.0, "a flight runs backwards")
+    must(tau >= scene.phase, "before the start")
+    must(np.isin(abs(code), range(1, scene.stages + 1)), "itinerary")
     tolerance = scene.tolerance or Tolerance()
     for i, wheel in enumerate(scene.tree):
         most = wheel.gap + wheel.tolerance
         least = most if tolerance.distribution == "fixed" else most - 2.0 * wheel.tolerance
-        x, y = raw[there][:, [2 + 2 * i, 3 + 2 * i]].T
-        hit = mesh == i + 1
-        must(abs(x[hit]) <= most * (1.0 + SLACK), "beyond the widest wall", most, x[hit])
-        must(abs(x[hit]) >= least * (1.0 - SLACK) - 1e-15 * most, "not on a wall", least, x[hit])
-        must(y[hit] * code[there][hit] >= 0.0, "not outward")
-        must(name in OVERSHOOTS or (abs(x) <= most * (1.0 + SLACK)).all(), "beside its walls", x)
+        hit = abs(code) == i + 1
+        away = abs(state[2 * i])
+        must(away[hit | (name not in OVERSHOOTS)] <= most * (1.0 + SLACK), "beyond its wall", away)
+        must(away[hit] >= least * (1.0 - SLACK) - 1e-15 * most, "not on a wall", least, away[hit])
+        must((state[2 * i + 1] * code)[hit] >= 0.0, "not outward")
 
 
 # paths, flights of each, and times in a flight that are checked
@@ -235,38 +193,34 @@ FLIGHTS = 8
 INSTANTS = 16
 CLOSE = 1e-7  # admissible error of exact flights, relative to gap and speed
 STEPS = 4.0  # admissible error of the Euler schemes, in steps
-LATE = {"euler-maruyama": 1.0, "euler-maruyama-located": 0.0, "exact-flight": 0.0}
-"""Steps by which an impact is late."""
 
 
 def follows_the_flow(run: Ensemble) -> None:
     """Compare the first flights of the first paths of a run without noise with the flow."""
     scene = run.scene
-    c = run.scene.constants
     if scene.sigma > 0.0 or run.sticking_steps or run.raw is None:
         return
     dt = 0.0 if run.scheme == "exact-flight" else run.dt
-    late = LATE[run.scheme]
+    late = dt if run.scheme in OVERSHOOTS else 0.0  # an impact may be
+    known = scene.tolerance is None or scene.tolerance.distribution == "fixed"
     for rows in np.asarray(run.raw)[:PATHS]:
-        rows = rows[~np.isnan(rows[:, 0])]
-        known = scene.tolerance is None or scene.tolerance.distribution == "fixed"
         before = (scene.phase, scene.start_state, scene.start.mesh) if known else None
-        for tau, flight, *end, code in rows[:FLIGHTS]:
+        for tau, flight, *end, code in rows[~np.isnan(rows[:, 0])][:FLIGHTS]:
             state = np.array(end)
             if before is not None:
-                _one_flight(c, before, flight, state, dt, late, np.array(scene.windows))
+                _one_flight(scene, before, flight, state, dt, late)
             before = (tau, state, int(abs(code)))
 
 
 def _one_flight(
-    c: Constants,
+    scene: Scene,
     before: tuple[float, Floats, int],
     flight: float,
     end: Floats,
     dt: float,
     late: float,
-    walls: Floats,
 ) -> None:
+    c = scene.constants
     tau, state, mesh = before
     # what came later in the same step had begun at these speeds
     met = abs(state[1::2]).sum()
@@ -284,12 +238,12 @@ def _one_flight(
     blurred = 4.0 * np.spacing(abs(tau) + flight)  # of a flight that is the difference of two times
     changed = STEPS * dt * (drawn + rate * flight)
     wrong_y = changed + CLOSE * speed + blurred * drawn
-    wrong_x = changed * (flight + dt) + CLOSE * speed * flight + (late * dt + blurred) * speed
+    wrong_x = changed * (flight + dt) + CLOSE * speed * flight + (late + blurred) * speed
+    walls = np.array(scene.windows)
     off = abs(flow(c, tau, state, flight) - end)
     must(off[::2] <= wrong_x + CLOSE * walls, "a displacement leaves the flow:", off, end, before)
     must(off[1::2] <= wrong_y, "a speed leaves the flow:", off, end, wrong_y, before, flight)
-    # a stage may be left beyond its wall
-    most = np.maximum(walls, abs(state[::2]))
+    most = np.maximum(walls, abs(state[::2])) * (1.0 + CLOSE)  # one may be left beyond its wall
     for t in np.linspace(0.0, flight, INSTANTS + 1)[:-1]:
         place = abs(flow(c, tau, state, t))[::2]
-        must(place <= most * (1.0 + CLOSE) + wrong_x, "flew through a wall", place, before, t)
+        must(place <= most + wrong_x, "flew through a wall", place, before, t)

@@ -126,18 +126,13 @@ def _plain(n: Numbers, lengths: _Lengths, stages: int) -> Data:
 def _gears(n: Numbers, scene: Data) -> Data:
     """A gear pair of any size that makes about this scene."""
     names = ("omega", "inertia1", "inertia2", "radius1", "radius2", "backlash1")
-    pair = {
-        name: n.size(1e-3, 1e3) if n.often(0.7) else n.size(*SIZES, zero=False) for name in names
-    }
-    pair = {name: value or 1.0 for name, value in pair.items()}
+    sizes = (1e-3, 1e3) if n.often(0.5) else SIZES
+    pair = {name: n.size(*sizes, zero=False) for name in names}
     for i in (1, 2):
-        inertia = pair[f"inertia{i}"]
-        omega = pair["omega"]
-        pair[f"damping{i}"] = min(1e-3 * scene[f"beta{i}"] * inertia * omega, SIZES[1])
-        drag = (
-            1e-3 * scene[f"gamma{i}"] * inertia * omega**2 * pair["backlash1"] / pair[f"radius{i}"]
-        )
-        pair[f"torque{i}"] = min(drag, SIZES[1])
+        momentum = 1e-3 * pair[f"inertia{i}"] * pair["omega"]
+        drag = momentum * pair["omega"] * pair["backlash1"] / pair[f"radius{i}"]
+        pair[f"damping{i}"] = min(momentum * scene[f"beta{i}"], SIZES[1])
+        pair[f"torque{i}"] = min(drag * scene[f"gamma{i}"], SIZES[1])
     pair["backlash2"] = min(max(2.0 * scene["gap2"] * pair["backlash1"], SIZES[0]), SIZES[1])
     return pair | {"alpha": scene["alpha"], "epsilon": scene["epsilon"]}
 
@@ -168,24 +163,18 @@ def _start(
     mesh = n.one(*range(stages + 1))
     tau = n.one(n.signed(LARGEST_TIME), n.stream.uniform(-10.0, 10.0))
     start: Data = {"tau": tau, "mesh": mesh}
-    for i in (1, 2):
+    for i, gap, room in zip((1, 2), gaps, free, strict=True):
         side = n.one(1.0, -1.0)
         speed = lengths.size(LEAST, LARGEST, zero=False)
-        where = "flank" if mesh == i else n.one("flank", "edge", "inside", "inside", "near")
-        inward = mesh == 0 and i <= stages
-        if where == "flank":
-            x = gaps[i - 1] * side
-            y = side * speed * (1.0 if mesh == i else -1.0 if inward else n.one(1.0, -1.0))
-        else:
-            share = {
-                "edge": 1.0,
-                "inside": n.size(1e-300, 1.0),
-                "near": 1.0 - n.size(2.0**-53, 1.0),
-            }[where]
-            x = free[i - 1] * share * side
-            y = n.one(0.0, speed, -speed)
-            y = -side * speed if inward and abs(x) == gaps[i - 1] else y
-        start |= {f"x{i}": x, f"y{i}": y}
+        inside = room * n.size(1e-300, 1.0)
+        x = n.one(gap, room, inside, inside, room * (1.0 - n.size(2.0**-53, 1.0)))
+        y = n.one(0.0, speed, -speed)
+        if mesh == i:
+            x = gap
+            y = speed
+        elif mesh == 0 and x == gap:
+            y = -speed
+        start |= {f"x{i}": side * x, f"y{i}": side * y}
     return start
 
 
@@ -194,15 +183,16 @@ def any_scene(n: Numbers) -> Data:
     stages = n.one(2, 2, 1)
     lengths = _Lengths(n)
     scene = _plain(n, lengths, stages)
+    data: Data = {"scene": scene}
+    gaps = scene["gap1"], scene.get("gap2", 0.5)
     if stages == 2 and n.often(0.1):
-        data: Data = {"gears": _gears(n, scene), "scene": {"stages": stages}}
-        gaps = 0.5, data["gears"]["backlash2"] / (2.0 * data["gears"]["backlash1"])
-    else:
-        data = {"scene": scene | {"stages": stages}}
-        gaps = scene["gap1"], scene.get("gap2", 0.5)
+        pair = _gears(n, scene)
+        data = {"gears": pair, "scene": {}}
+        gaps = 0.5, pair["backlash2"] / (2.0 * pair["backlash1"])
     scene = data["scene"]
-    deviations = (0.0, 0.0)
+    scene["stages"] = stages
     scene["sigma"] = 0.0 if n.often(0.2) else lengths.size(LEAST_SIZE, LARGEST)
+    deviations = (0.0, 0.0)
     if n.often(0.4):
         scene["tolerance"] = tolerance = _tolerance(n, gaps, stages)
         deviations = tolerance["c1_max"], tolerance["c2_max"]

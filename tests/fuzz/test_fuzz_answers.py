@@ -21,7 +21,6 @@ COUNT = {
     "exact-flight": 80,
     "accuracy": 6,
     "validate": 8,
-    "simulate a file": 10,
     "validate a file": 1,
     "study a file": 1,
 }

@@ -19,7 +19,7 @@ from settings import recorded
 from rattle import Study, load_study, validate
 from rattle.closure import mean_map
 from rattle.montecarlo import simulate, simulate_to
-from rattle.scene import DAT21, InputError, RattleError, Scene
+from rattle.scene import DAT21, RattleError, Scene
 
 DAT = Scene.from_gears(DAT21, sigma=0.1)
 
@@ -42,39 +42,25 @@ BAD = st.sampled_from(
     [
         math.nan,
         math.inf,
-        -math.inf,
-        "abc",
         "",
         "0.5",
         "é\x00",
-        b"x",
         1j,
         [],
-        [0.5],
         [[0.5]],
         {},
         {"a": 0.5},
-        (),
         True,
         Decimal("0.5"),
         np.array([0.5, 0.6]),
-        np.array([]),
-        np.float32("nan"),
-        object,
         "x" * 10_000,
         None,
         0,
-        1,
         -1,
-        3,
-        0.5,
         1.5,
-        -0.5,
         -1e-300,
         5e-324,
         1e-31,
-        1e7,
-        1e200,
         10**30,
         2**63,
         Fraction(1, 3),
@@ -157,26 +143,17 @@ TOKENS = (
     "",
     "nan",
     "1e400",
-    "-1",
     "9" * 5000,
     "'x'",
-    '"',
     "[",
-    "[[",
-    "{",
-    "}",
-    "=",
     "\n",
     "true",
     "[scene]\n",
     "1979-05-27",
     "é",
     "\x00",
-    "[[axes]]\n",
     "[" * 3000,
-    "a.b.c = 1\n",
     "sigma = 1\n",
-    "#",
     "[1, 10, 1000000000]",
 )
 CUTS = st.lists(
@@ -196,8 +173,3 @@ def test_spoilt_texts_are_refused_or_read(reader, cuts):
         read(text)
     except RattleError as error:
         refused(error, "")
-
-
-def test_an_error_without_the_name_of_its_field_is_seen():
-    with pytest.raises(AssertionError, match="does not name"):
-        refused(InputError("x", 1, "is bad"), "alpha")

@@ -55,23 +55,10 @@ def open_space(sigma: float, **changes) -> Scene:
     return replace(dat21(sigma), **({"gap1": 1e6, "gap2": 1e6, "start": start} | changes))
 
 
-@jit
-def _steps(key, path, count):
-    out = np.empty((count + 3) // 4 * 4)
-    for n in range(out.size // 4):
-        out[4 * n], out[4 * n + 1], out[4 * n + 2], out[4 * n + 3] = normals(
-            key, np.uint64(path), np.uint64(n), np.uint64(STEP)
-        )
-    return out
-
-
 def step_normals(key: Key, path: int, steps: int) -> np.ndarray:
-    """Standard normals of a path's first finest steps under the Euler schemes, at least so many.
-
-    Read in pairs, they are increments and areas, in standard units, of the steps of the exact
-    flight.
-    """
-    return _steps(key, path, steps)
+    """Standard normals of a path's first finest steps under the Euler schemes, at least so many."""
+    word = np.uint64
+    return np.ravel([normals(key, word(path), word(n), word(STEP)) for n in range(steps // 4 + 1)])
 
 
 def bridge_normal(key: Key, path: int, step: int, call: int, level: int = 0) -> float:
@@ -117,39 +104,7 @@ DAMPED = Scene(
 )
 """Strong unequal damping, so that both stages feel the noise and each other."""
 
-PRESSED = Scene(
-    alpha=0.0,
-    epsilon=0.0,
-    beta1=0.1,
-    beta2=0.1,
-    gamma1=2.0,
-    gamma2=5.0,
-    mu=0.5,
-    sigma=0.01,
-    start=Start(0.0, 0.5, 1.0, -0.5, -1.0, mesh=1),
-)
-"""Both meshes stick: impacts accumulate within a step, if they are located."""
-
 TOLERANT = replace(UNEQUAL_GAPS, tolerance=Tolerance(0.05, 0.03, draw="contact"))
-
-
-def flank_changes(raw, mesh):
-    """Over successive impacts on one flank: did the wall move, and had the opposite flank been
-    struck between?"""
-    moved = []
-    between = []
-    for path in raw:
-        last = {}
-        struck = {1: False, -1: False}
-        for row in path[np.abs(path[:, 6]) == mesh]:
-            side = int(np.sign(row[6]))
-            if side in last:
-                moved.append(row[2 * mesh] != last[side])
-                between.append(struck[side])
-            last[side] = row[2 * mesh]
-            struck[side] = False
-            struck[-side] = True
-    return np.array(moved), np.array(between)
 
 
 def for_python(function):

@@ -20,48 +20,34 @@ def scores(samples, truth):
     return (table["error"] / table["se"]).groupby(table["moment"]).agg(np.array)
 
 
-@pytest.fixture(scope="module")
-def z_scores():
-    """Of a Beta(1, 8): skew 1.4, excess kurtosis 2.3."""
-    distribution = stats.beta(1.0, 8.0)
-    draws = distribution.rvs((4000, REPLICAS), random_state=4)
-    mean, variance, skew, kurt = distribution.stats("mvsk")
-    truth = {"x": mean, "sd_x": math.sqrt(variance), "skew_x": skew, "kurt_x": kurt}
-    return scores({"x": draws}, truth)
-
-
 # 1500 replicas give the sd of z to 2 %; the errors are estimated too, from up to the eighth moment:
 # O(1 / n) more
 BAND = {"mean": 0.07, "sd": 0.07, "skew": 0.1, "kurt": 0.15}
 
 
-@pytest.mark.parametrize("name", BAND)
-def test_standard_errors_of_a_skewed_variable_have_the_size_they_claim(z_scores, name):
-    assert abs(z_scores[name].std() - 1.0) < BAND[name]
+def test_standard_errors_of_a_skewed_variable_have_the_size_they_claim():
+    """Of a Beta(1, 8): skew 1.4, excess kurtosis 2.3.  A Gaussian formula for the error of the sd,
+    sd / sqrt(2 n), is a third too small there."""
+    distribution = stats.beta(1.0, 8.0)
+    draws = distribution.rvs((4000, REPLICAS), random_state=4)
+    mean, variance, skew, kurt = distribution.stats("mvsk")
+    truth = {"x": mean, "sd_x": math.sqrt(variance), "skew_x": skew, "kurt_x": kurt}
+    z = scores({"x": draws}, truth)
+    spread = {name: z[name].std() for name in BAND}
+    assert all(abs(spread[name] - 1.0) < BAND[name] for name in BAND)
+    assert abs(math.sqrt(0.5 * kurt + 1.0) * spread["sd"] - 1.0) > BAND["sd"]
 
 
-def test_gaussian_formula_for_the_error_of_an_sd_would_fail_that_band(z_scores):
-    """Negative control: sd / sqrt(2 n) is a third too small for an excess kurtosis of 2.3."""
-    gaussian = z_scores["sd"] * math.sqrt((stats.beta(1.0, 8.0).stats("k") + 2.0) / 2.0)
-    assert abs(gaussian.std() - 1.0) > BAND["sd"]
-
-
-@pytest.mark.parametrize("kind", ["gaussian", "heavy"])
-def test_standard_error_of_a_correlation_has_the_size_it_claims(kind):
-    """Of a Gaussian pair, and of the heavy tails of a t with 10 degrees of freedom; 1 / sqrt(n)
-    for Fisher's z is for Gaussian pairs alone."""
+def test_standard_error_of_a_correlation_has_the_size_it_claims():
+    """Of a t with 10 degrees of freedom; 1 / sqrt(n) for Fisher's z is for Gaussian pairs alone."""
     rng = np.random.default_rng(6)
-    u, v = rng.standard_normal((2, 2000, REPLICAS))
-    v = 0.6 * u + 0.8 * v
-    tail = np.sqrt(rng.chisquare(10.0, u.shape) / 10.0) if kind == "heavy" else 1.0
-    z = scores({"x": u / tail, "v": v / tail}, {"x": 0.0, "v": 0.0, "rho_x_v": 0.6})["rho"]
+    tail = np.sqrt(rng.chisquare(10.0, (2000, REPLICAS)) / 10.0)
+    u, other = rng.standard_normal((2, *tail.shape)) / tail
+    v = 0.6 * u + 0.8 * other
+    z = scores({"x": u, "v": v}, {"x": 0.0, "v": 0.0, "rho_x_v": 0.6})["rho"]
     assert abs(z.std() - 1.0) < 0.08
-    # error of Fisher's z in units of 1 / sqrt(n)
-    rho = np.array(
-        [np.corrcoef(a, b)[0, 1] for a, b in zip((u / tail).T, (v / tail).T, strict=True)]
-    )
-    naive = (np.arctanh(rho) - math.atanh(0.6)) * math.sqrt(2000)
-    assert (abs(naive.std() - 1.0) < 0.08) == (kind == "gaussian")
+    rho = [np.corrcoef(a, b)[0, 1] for a, b in zip(u.T, v.T, strict=True)]
+    assert abs(np.arctanh(rho).std() * math.sqrt(2000) - 1.0) > 0.08
 
 
 SAMPLES = 2000
@@ -85,7 +71,7 @@ SLACK = 4.0 * math.sqrt(0.05 * 0.95 / SAMPLES)
 """Four standard errors of a coverage of 95 %."""
 
 
-@pytest.mark.parametrize("bursts", [6, 20, 100, 1000])
+@pytest.mark.parametrize("bursts", [6, 100])
 def test_intervals_hold_the_truth_even_where_few_paths_carry_the_error(bursts):
     """At least as often as they say; up to 3 % more often where skewness cannot be told from
     chance."""

@@ -8,22 +8,26 @@ import numpy as np
 import pytest
 from mc_checks import (
     DAMPED,
-    PRESSED,
     UNEQUAL_GAPS,
     dat21,
-    flank_changes,
     orbit_of,
     stepped,
 )
 from settings import recorded
 
 from rattle.montecarlo import SCHEMES
-from rattle.scene import Scene, Start, Tolerance
+from rattle.scene import Start, Tolerance
 
 STEP = {"euler-maruyama": 5e-3, "euler-maruyama-located": 5e-3, "exact-flight": math.pi / 64.0}
 """A step at which each scheme is of use."""
 
-LOCATES = {"euler-maruyama": False, "euler-maruyama-located": True, "exact-flight": True}
+ORBITS = {
+    "DAT21": dat21(),
+    "unequal gaps": UNEQUAL_GAPS,
+    "damped": DAMPED,
+    "plastic": replace(UNEQUAL_GAPS, epsilon=0.05),
+    "in flight": replace(dat21(), start=Start(0.4, 0.1, -0.3, -0.2, 0.6)),
+}
 
 
 @pytest.mark.parametrize("scheme", SCHEMES)
@@ -42,38 +46,34 @@ class TestScheme:
 
     # --- truths
 
-    @pytest.mark.parametrize(
-        "scene", [dat21(), UNEQUAL_GAPS, DAMPED], ids=["DAT21", "unequal gaps", "damped"]
-    )
-    def test_noise_free_path_converges_to_the_orbit(self, scheme, scene):
+    @pytest.mark.parametrize("name", ORBITS)
+    def test_noise_free_path_converges_to_the_orbit(self, scheme, name):
         """At first order within a bound for Euler's steps (a late detection jumps with dt); at once
-        for exact ones."""
-        orbit = orbit_of(scene, 5)
+        for exact ones, which place impacts to 1e-10 of the half gap."""
+        orbit = orbit_of(ORBITS[name], 5)
         exact = not SCHEMES[scheme].has_step_bias
-        steps = (0.1 if exact else 2e-3) / 4.0 ** np.arange(5)
+        steps = (0.1 if exact else 2e-3) / 4.0 ** np.arange(0, 5, 2)
         errors = []
         for dt in steps:
-            raw = self.run(scheme, scene, paths=1, impacts=5, dt=dt).raw[0]
+            raw = self.run(scheme, ORBITS[name], paths=1, impacts=5, dt=dt).raw[0]
             assert (raw[:, 6] == orbit[:, 5]).all()
             errors.append(np.abs(raw[:, [0, 2, 3, 4, 5]] - orbit[:, :5]).max())
         if exact:
-            assert max(errors) < 1e-8
+            assert max(errors) < 1e-9
         else:
-            assert (errors / steps).max() < 60.0
+            assert (errors / steps).max() < 20.0
             assert errors[-1] < 0.03 * errors[0]
 
-    # --- paths and tables
-
     def test_single_stage_is_the_first_stage_of_a_pair_whose_second_never_touches(self, scheme):
-        values = {
-            n: getattr(dat21(), n)
-            for n in ("alpha", "epsilon", "beta1", "beta2", "gamma1", "gamma2", "mu")
-        }
-        pair = Scene(**values, gap2=1e6, sigma=0.2, start=Start(0.0, 0.5, 2.0, 0.0, 0.0, mesh=1))
-        lone, both = (self.run(scheme, s, impacts=6).raw for s in (dat21(0.2, stages=1), pair))
-        assert np.abs(lone - both[:, :, [0, 1, 2, 3, 6]]).max() <= (
-            1e-11 if scheme == "exact-flight" else 0.0
-        )  # rounding, and its growth
+        """Its paths but for rounding, and its growth; its tables have no second stage."""
+        pair = replace(dat21(0.2), gap2=1e6, start=Start(0.0, 0.5, 2.0, 0.0, 0.0, mesh=1))
+        given = {"impacts": 6, "times": [0.5], "step_bias": True}
+        lone, both = (self.run(scheme, s, **given) for s in (dat21(0.2, stages=1), pair))
+        rounding = 1e-11 if scheme == "exact-flight" else 0.0
+        assert np.abs(lone.raw - both.raw[:, :, [0, 1, 2, 3, 6]]).max() <= rounding
+        for table in (lone.section, lone.at_times()):
+            assert not [name for name in table if "2" in name]
+            assert table.notna().any(axis=0).all()
 
     def test_no_path_runs_beyond_the_horizon_by_more_than_a_step(self, scheme):
         run = self.run(scheme, dat21(0.3), impacts=60, horizon=1.5)
@@ -81,25 +81,6 @@ class TestScheme:
         assert np.nanmax(run.raw[:, :, 0]) <= 1.5 + STEP[scheme]
         steps = math.ceil(1.5 / STEP[scheme])
         assert run.path_steps == 200 * steps
-
-    def test_seed_matters_where_there_is_noise_only(self, scheme):
-        still, noisy = (
-            [self.run(scheme, dat21(s), paths=3, rng=seed).raw for seed in (1, 2)]
-            for s in (0.0, 0.1)
-        )
-        assert np.array_equal(*still, equal_nan=True)
-        assert not np.array_equal(*noisy, equal_nan=True)
-
-    # --- impacts that pile up
-
-    def test_accumulating_impacts_return_and_are_counted(self, scheme):
-        """Both meshes stick until the drive lifts them: impacts accumulate within a step, if they
-        are located."""
-        run = self.run(scheme, replace(PRESSED, alpha=4.0), paths=20, impacts=500)
-        assert run.unfinished == 0
-        assert (run.sticking_steps > 0) == LOCATES[scheme]
-        assert np.isfinite(run.raw).all()
-        assert (run.raw[:, :, 1] >= 0.0).all()
 
     # --- walls
 
@@ -115,18 +96,13 @@ class TestScheme:
 
     @pytest.mark.parametrize("mesh", [1, 2])
     def test_a_flank_is_redrawn_when_and_only_when_the_opposite_is_struck(self, scheme, mesh):
-        raw = self.run(
-            scheme, dat21(0.5, tolerance=Tolerance(0.04, 0.02, draw="contact")), impacts=40
-        ).raw
-        moved, between = flank_changes(raw, mesh)
-        assert np.array_equal(moved, between)
-        assert 200 < sum(between) < len(between) - 200  # both happened
-
-    # --- the same again
-
-    def test_default_scene_takes_a_step_bias(self, scheme):
-        run = self.run(scheme, dat21(0.3), impacts=4, step_bias=True, times=[1.0])
-        assert np.isfinite(
-            run.step_bias[["bias", "se_bias", "corrected", "se_corrected", "rest"]].to_numpy()
-        ).all()
-        assert np.isfinite(run.at_times()[["coarse_rho1", "coarse_rho2"]].to_numpy()).all()
+        scene = dat21(0.5, tolerance=Tolerance(0.04, 0.02, draw="contact"))
+        kept = 0
+        for path in self.run(scheme, scene, impacts=40).raw:
+            struck = path[np.abs(path[:, 6]) == mesh]
+            walls = struck[:, 2 * mesh]
+            turned = np.diff(struck[:, 6]) != 0.0
+            assert (walls[1:] == walls[:-1])[~turned].all()
+            assert (walls[2:] != walls[:-2])[turned[1:] & turned[:-1]].all()
+            kept += (~turned).sum()
+        assert kept > 200

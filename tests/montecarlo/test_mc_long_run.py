@@ -3,25 +3,20 @@ none."""
 
 import math
 from dataclasses import replace
-from itertools import pairwise
 
 import numpy as np
 import pytest
 from mc_checks import Walk
+from scenes import tree
 
-import rattle as rt
-from rattle import InputError
+from rattle import InputError, Record, simulate
 from rattle.montecarlo.long_run.estimates import all_names
 from rattle.montecarlo.long_run.noise_work import CONTROLS
+from rattle.montecarlo.long_run.run import long_run
 from rattle.montecarlo.long_run.sums import NOISE
-from rattle.scene import DAT21, Scene, Start, Tolerance, Wheel
+from rattle.scene import DAT21, Scene, Start, Tolerance
 
 SCENE = Scene.from_gears(DAT21, sigma=0.5)
-
-
-def long_run(scene, **settings):
-    """The simulation behind `stationary`."""
-    return rt.stationary(scene, closures=(), **settings).run
 
 
 @pytest.fixture(scope="module")
@@ -30,23 +25,18 @@ def run():
 
 
 def test_every_quantity_is_there_and_consistent(run):
-    e = run.estimates
-    assert e["rate"].value * e["flight"].value == pytest.approx(
-        1.0, rel=2e-3
-    )  # flights at the ends are cut
-    assert e["rate"].value == pytest.approx(e["rate_mesh1"].value + e["rate_mesh2"].value)
-    assert e["rate"].value * e["energy"].value == pytest.approx(e["power"].value)
-    assert e["energy_per_period"].value == pytest.approx(2.0 * math.pi * e["power"].value)
-    assert e["power"].value == pytest.approx(e["power_mesh1"].value + e["power_mesh2"].value)
+    e = {name: estimate.value for name, estimate in run.estimates.items()}
+    assert e["rate"] == pytest.approx(e["rate_mesh1"] + e["rate_mesh2"])
+    assert e["power"] == pytest.approx(e["power_mesh1"] + e["power_mesh2"])
+    assert e["power"] == pytest.approx(e["rate"] * e["energy"])
+    assert e["power"] == pytest.approx(e["energy_per_period"] / (2.0 * math.pi))
     for mesh, mass in ((1, 1.0), (2, SCENE.mu)):  # reduced, in that of wheel 1's rim
-        square = e[f"speed_mesh{mesh}"].value ** 2 + e[f"sd_speed_mesh{mesh}"].value ** 2
+        square = e[f"speed_mesh{mesh}"] ** 2 + e[f"sd_speed_mesh{mesh}"] ** 2
+        assert e[f"rms_speed_mesh{mesh}"] ** 2 == pytest.approx(square, rel=1e-9)
         lost = 0.5 * mass * (1.0 - SCENE.epsilon**2) * square
-        assert e[f"energy_mesh{mesh}"].value == pytest.approx(lost, rel=1e-3)
-        assert e[f"rms_speed_mesh{mesh}"].value ** 2 == pytest.approx(square, rel=1e-9)
-    for suffix in ("", "_mesh1", "_mesh2"):
-        quantiles = [e[f"q{q:02d}_speed{suffix}"] for q in (1, 5, 50, 95, 99)]
-        assert all(a.value < b.value for a, b in pairwise(quantiles))
-        assert all(q.low < q.value < q.high for q in quantiles)
+        assert e[f"energy_mesh{mesh}"] == pytest.approx(lost, rel=1e-3)
+        quantiles = [e[f"q{q:02d}_speed_mesh{mesh}"] for q in (1, 5, 50, 95, 99)]
+        assert quantiles == sorted(quantiles)
 
 
 def test_sections_are_densities_of_all_impacts(run):
@@ -54,42 +44,37 @@ def test_sections_are_densities_of_all_impacts(run):
         area = np.outer(np.diff(d.phase), np.diff(d.velocity))
         assert (d.density * area).sum() + d.outside == pytest.approx(1.0)
         marginal, se = run.velocity_density(d.mesh)
-        assert marginal == pytest.approx((d.density * np.diff(d.phase)[:, None]).sum(axis=0))
+        assert marginal == pytest.approx(np.diff(d.phase) @ d.density)
         assert (se[marginal > 0.0] > 0.0).all()
         assert d.outside < 1e-3
 
 
 def test_batch_means_confirm_the_errors(run):
-    both = [
-        e.se_batches / e.se
-        for name, e in run.estimates.items()
-        if e.se > 0.0 and not math.isnan(e.se_batches)
-    ]
+    """Each is known to about 1 / sqrt(2 * 127), and batches remember a little."""
+    both = [e.se_batches / e.se for e in run.estimates.values() if e.se > 0.0 < e.se_batches]
     assert len(both) > 10
-    assert (
-        0.7 < min(both) <= max(both) < 1.4
-    )  # each known to about 1 / sqrt(2 * 127), batches remember a little
+    assert 0.7 < min(both) <= max(both) < 1.4
 
 
 def test_result_does_not_depend_on_threads_or_on_room(run, monkeypatch):
     again = long_run(SCENE, periods=128, paths=128, rng=3, workers=2)
     assert again.estimates == run.estimates
-    for room in (4, 24, 512):  # all paths have more impacts than that in a period, a few, none
+    for room in (4, 24):  # all paths have more impacts than that in a period, a few
         monkeypatch.setattr("rattle.montecarlo.long_run.walk.IMPACT_ROOM", room)
         other = long_run(SCENE, periods=128, paths=128, rng=3)
         assert other.estimates == run.estimates
 
 
-@pytest.mark.parametrize("name", ["flight", "energy"])
-def test_agrees_with_the_late_impacts_of_simulate(run, name):
-    """Another code path to the same motion: the 60th impact of many short paths."""
-    record = rt.Record(energy=True)
-    late = rt.simulate(SCENE, paths=8192, impacts=60, rng=5, record=record).section.loc[40:60]
-    mean = late[name].mean()
-    e = run.estimates[name]
-    allowed = 4.5 * math.hypot(late[f"se_{name}"].mean(), e.se)
-    assert abs(mean - e.value) < allowed
-    assert abs(1.2 * mean - e.value) > allowed  # negative control
+def test_agrees_with_the_late_impacts_of_simulate(run):
+    """Another code path to the same motion, the 60th impact of many short paths; a fifth more is
+    noticed."""
+    record = Record(energy=True)
+    late = simulate(SCENE, paths=2048, impacts=60, rng=5, record=record).section.loc[40:60]
+    for name in ("flight", "energy"):
+        mean = late[name].mean()
+        e = run.estimates[name]
+        allowed = 4.5 * math.hypot(late[f"se_{name}"].mean(), e.se)
+        assert abs(mean - e.value) < allowed < abs(1.2 * mean - e.value)
 
 
 def test_accuracy_is_reached_and_stated():
@@ -103,16 +88,12 @@ def test_accuracy_is_reached_and_stated():
 @pytest.mark.parametrize(
     ("settings", "field"),
     [
-        ({"accuracy": -1.0}, "accuracy"),
         ({"accuracy": 0.1, "periods": 100}, "periods"),
         ({"periods": 3}, "periods"),
         ({"paths": 4}, "paths"),
         ({"quantities": ["ratio"]}, "quantities"),
         ({"slow": 0.0}, "slow"),
         ({"burn_in": 0}, "burn_in"),
-        ({"budget": 0.0}, "budget"),
-        ({"rng": -1}, "rng"),
-        ({"workers": 0}, "workers"),
     ],
 )
 def test_bad_settings_are_refused(settings, field):
@@ -148,60 +129,38 @@ def test_random_backlash(run, draw):
     assert (found.burn_in.apart is None) == (draw == "path")
 
 
-def test_single_stage_has_one_mesh():
-    scene = Scene(
-        alpha=1.0,
-        epsilon=0.7,
-        beta1=0.1,
-        gamma1=0.05,
-        sigma=0.5,
-        stages=1,
-        start=Start(0.0, 0.5, 2.0, mesh=1),
-    )
-    found = long_run(scene, periods=64, paths=64)
-    assert not any("mesh2" in name for name in found.estimates)
-    assert found.estimates["rate"].value > 0.0
-    assert len(found.densities) == 1
-
-
 def test_an_elastic_box_is_open_where_its_uniform_displacement_is():
     """Without drag and with restitution 1 the displacement is uniform: 0.98 of the time no flank is
     within 1 %."""
     box = Scene(alpha=0.0, epsilon=1.0, beta1=0.3, gamma1=0.0, sigma=1.0, stages=1)
-    found = long_run(box, periods=64, paths=64, rng=5).estimates["open_share_mesh1"]
+    estimates = long_run(box, periods=64, paths=64, rng=5).estimates
+    found = estimates["open_share_mesh1"]
     assert abs(found.value - 0.98) < 4.0 * found.se < 0.01
     assert found.low <= found.value <= found.high
-
-
-FOUR = Scene(
-    alpha=1.5,
-    sigma=1.0,
-    wheels=(
-        Wheel(beta=0.2, gamma=0.02, gap=0.5, epsilon=0.9),
-        Wheel(beta=0.25, gamma=0.05, gap=0.3, mass=0.7, parent=1, ratio=1.4, epsilon=0.8),
-        Wheel(beta=0.1, gamma=0.02, gap=0.4, mass=1.3, parent=1, ratio=0.7, epsilon=0.85),
-        Wheel(beta=0.3, gamma=0.04, gap=0.35, mass=0.5, parent=0, ratio=1.2, epsilon=0.85),
-    ),
-)
-"""Two wheels at the driver, two at the first of them."""
+    assert not any("mesh2" in name for name in estimates)
 
 
 def test_a_tree_obeys_the_energy_law():
     """What drive and noise supply is what damping and impacts take, within 4 standard errors; a
     mass that is 50 % off is noticed.  The sums of what the noise does have the mean 0."""
-    found = long_run(FOUR, periods=64, paths=64, burn_in=8, rng=2)
+    four = tree((0, 1, 1, 0), alpha=1.5, sigma=1.0)
+    found = long_run(four, periods=64, paths=64, burn_in=8, rng=2)
     assert tuple(found.estimates) == all_names(4)
-    heavier = replace(FOUR.wheels[2], mass=1.5 * FOUR.wheels[2].mass)
-    wrong = replace(FOUR, wheels=(*FOUR.wheels[:2], heavier, FOUR.wheels[3]))
+    first, second, third, last = four.wheels
+    wrong = replace(four, wheels=(first, second, replace(third, mass=1.5 * third.mass), last))
     z = []
-    for scene in (FOUR, wrong):
+    for scene in (four, wrong):
         lost, supplied = replace(found, scene=scene).energy_balance()
-        rest = lost - supplied
-        z.append(rest.mean() / rest.std(ddof=1) * math.sqrt(found.paths))
-    assert abs(z[0]) < 4.0 < abs(z[1])
+        z.append(abs(score(lost - supplied)))
+    assert z[0] < 4.0 < z[1]
     work = found.sums.main[:, :, NOISE : NOISE + CONTROLS].sum(axis=1)
-    assert (np.abs(work.mean(axis=0)) < 4.0 * work.std(axis=0, ddof=1) / math.sqrt(len(work))).all()
+    assert (np.abs(score(work)) < 4.0).all()
     assert sum(d.mesh for d in found.densities) == 10
+
+
+def score(values):
+    """Mean of what each path has, in its standard errors."""
+    return values.mean(axis=0) / values.std(axis=0, ddof=1) * math.sqrt(len(values))
 
 
 SECOND = 1.0  # of a block of paths and a period
@@ -223,9 +182,10 @@ class Watched:
         monkeypatch.setattr(Walk, "follow", followed)
 
 
-@pytest.mark.parametrize("budget", [5.0, 20.0, 60.0, 120.0, 1500.0])
+@pytest.mark.parametrize("budget", [5.0, 60.0, 120.0])
 def test_a_budget_gives_the_best_answer_that_it_allows(monkeypatch, budget):
-    """Half of it goes into a burn-in that does not fit, and then the answer says so."""
+    """Half of it goes into a burn-in that does not fit; then the answer says so, and intervals are
+    wider by the drift that was seen, twice at the least."""
     watched = Watched(monkeypatch)
     found = long_run(SCENE, accuracy=1e-9, paths=16, budget=budget, burn_in=32)
     assert watched.now <= 1.1 * budget + SECOND
@@ -238,17 +198,9 @@ def test_a_budget_gives_the_best_answer_that_it_allows(monkeypatch, budget):
         assert "more would suffice" in found.reach.sentence
     else:
         assert "The start may not be forgotten" in found.burn_in.sentence
-
-
-def test_intervals_are_wider_where_the_start_may_not_be_forgotten(monkeypatch):
-    """By the drift that was seen, and twice at the least."""
-    Watched(monkeypatch)
-    found = long_run(SCENE, accuracy=1e-9, paths=16, budget=20.0, burn_in=32)
-    forgotten = replace(found, widened=1.0).estimates["rate"]
-    rate = found.estimates["rate"]
-    assert found.widened >= 2.0
-    assert rate.value == forgotten.value
-    assert rate.high - rate.low == pytest.approx(found.widened * (forgotten.high - forgotten.low))
+        rate, forgotten = (one.estimates["rate"] for one in (found, replace(found, widened=1.0)))
+        wider = (rate.high - rate.low) / (forgotten.high - forgotten.low)
+        assert 2.0 <= found.widened == pytest.approx(wider)
 
 
 def test_without_a_budget_no_clock_decides(monkeypatch):

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from mc_checks import Walk
 
-from rattle import stationary
+from rattle.montecarlo.long_run.run import long_run
 from rattle.montecarlo.long_run.sums import ENERGY, NUMBER, PERIOD, new_sums, no_scales
 from rattle.montecarlo.schemes.quiet import quiet_of, tail_exponent
 from rattle.scene import Scene, Wheel
@@ -25,14 +25,10 @@ CHATTER = Scene(
 )
 
 
-def follow(resolve, seed):
-    settings = {"periods": 64, "paths": 16, "burn_in": 16, "closures": ()}
-    return stationary(CHATTER, resolve=resolve, rng=seed, **settings).run
-
-
 @pytest.fixture(scope="module")
 def runs():
-    return follow(0.0, 1), follow(None, 2)
+    given = {"periods": 64, "paths": 16, "burn_in": 16}
+    return long_run(CHATTER, resolve=0.0, rng=1, **given), long_run(CHATTER, rng=2, **given)
 
 
 def test_a_tenth_of_the_impacts_gives_what_is_asked_for(runs):
@@ -62,27 +58,38 @@ CHAIN = (PRESSED, replace(PRESSED, parent=1, mass=0.7), replace(PRESSED, parent=
 STAR = (PRESSED, replace(PRESSED, ratio=1.2, mass=0.7), replace(PRESSED, ratio=0.8, mass=1.3))
 
 
+def lose(scene, moved, paths, periods):
+    """Number of impacts, and mean and standard error of the energy that meshes pressed shut lose,
+    over what the noise supplies (docs/model.md section 10) to so much mass."""
+    scales = no_scales(scene.stages, 0.1)
+    walk = Walk(scene, np.random.SeedSequence(3), 0, paths, quiet_of(scene, 0.1, None))
+    walk.follow(new_sums(paths, periods, scales, detail=False), periods=periods)
+    sums = new_sums(paths, periods, scales, detail=False)
+    walk.follow(sums, periods=periods)
+    share = sums.main[:, :, ENERGY].mean(axis=1) / (0.25 * scene.sigma**2 * moved * PERIOD)
+    return sums.main[:, :, NUMBER].sum(), share.mean(), share.std(ddof=1) / math.sqrt(paths)
+
+
 @pytest.mark.parametrize(
     ("wheels", "moved"),
-    [
-        (CHAIN[:1], 1.0),
-        (CHAIN[:2], 1.7),
-        (CHAIN, 3.0),
-        (STAR, 1.0 + 1.2**2 * 0.7 + 0.8**2 * 1.3),
-    ],
-    ids=["one", "two", "a chain", "three at the driver"],
+    [(CHAIN, 3.0), (STAR, 1.0 + 1.2**2 * 0.7 + 0.8**2 * 1.3)],
+    ids=["a chain", "three at the driver"],
 )
 def test_the_noise_that_closed_meshes_take_up_is_energy_lost(wheels, moved):
-    """Pressed shut all the time: what the noise supplies (docs/model.md section 10)."""
     pressed = Scene(alpha=1.0, epsilon=0.5, sigma=0.05, wheels=wheels)
-    scales = no_scales(len(wheels), 0.1)
-    walk = Walk(pressed, np.random.SeedSequence(3), 0, 4, quiet_of(pressed, 0.1, None))
-    walk.follow(new_sums(4, 16, scales, detail=False), periods=16)
-    sums = new_sums(4, 16, scales, detail=False)
-    walk.follow(sums, periods=16)
-    assert sums.main[:, :, NUMBER].sum() == 0.0
-    supplied = 0.25 * pressed.sigma**2 * moved * PERIOD
-    assert sums.main[:, :, ENERGY] == pytest.approx(supplied, rel=1e-3)
+    impacts, lost, _ = lose(pressed, moved, paths=4, periods=4)
+    assert impacts == 0.0
+    assert lost == pytest.approx(1.0, rel=1e-3)
+
+
+def test_wheels_in_a_row_that_noise_lifts_lose_what_it_supplies():
+    """Nearly elastic and pressed shut by hardly more than the noise: held closed while the force in
+    mesh 1 exceeds the noise of one wheel alone, not of both, they lost 28 % less."""
+    pair = (replace(PRESSED, epsilon=0.9), replace(PRESSED, epsilon=0.9, parent=1, mass=1.5))
+    pressed = Scene(alpha=1.5, sigma=0.1, wheels=pair)
+    _, lost, se = lose(pressed, 2.5, paths=8, periods=8)
+    assert se < 0.03
+    assert lost == pytest.approx(1.0, abs=4.0 * se)
 
 
 def count_impacts(*wheels: Wheel) -> float:
@@ -102,23 +109,6 @@ def test_wheels_that_chatter_beside_each_other_have_the_impacts_of_each():
     alone = 2.0 * count_impacts(wheel) + count_impacts(other)
     assert alone > 20_000
     assert count_impacts(wheel, other, wheel) > 0.95 * alone
-
-
-def test_wheels_in_a_row_that_noise_lifts_lose_what_it_supplies():
-    """Nearly elastic and pressed shut by hardly more than the noise: held closed while the force in
-    mesh 1 exceeds the noise of one wheel alone, not of both, they lost 28 % less."""
-    pair = (replace(PRESSED, epsilon=0.9), replace(PRESSED, epsilon=0.9, parent=1, mass=1.5))
-    pressed = Scene(alpha=1.5, sigma=0.1, wheels=pair)
-    scales = no_scales(2, 0.1)
-    walk = Walk(pressed, np.random.SeedSequence(3), 0, 8, quiet_of(pressed, 0.1, None))
-    walk.follow(new_sums(8, 4, scales, detail=False), periods=4)
-    sums = new_sums(8, 8, scales, detail=False)
-    walk.follow(sums, periods=8)
-    lost = sums.main[:, :, ENERGY].mean(axis=1)
-    supplied = 0.25 * pressed.sigma**2 * 2.5 * PERIOD
-    se = lost.std(ddof=1) / math.sqrt(lost.size)
-    assert se < 0.03 * supplied
-    assert lost.mean() == pytest.approx(supplied, abs=4.0 * se)
 
 
 def test_the_tail_of_impact_speeds():

@@ -10,19 +10,8 @@ from rattle.montecarlo.branches import search as branches
 from rattle.montecarlo.branches.search import BranchSearch
 from rattle.scene import DAT21, Scene
 
-PROBABILITY = 7.9e-6
 SD = 0.01528
-"""Of the branch of `PAIR_B`, and sd of y2 at impact 2, from 8 million exact flights (63 paths on
-the branch)."""
-
-
-def test_a_rare_branch_has_the_probability_and_the_size_that_eight_million_paths_show():
-    found = BranchSearch(PAIR_B, 2).until(1.0)
-    (branch,) = [b for b in found.branches if b.impact == 1]
-    assert abs(branch.probability - PROBABILITY) < 4.0 * PROBABILITY / np.sqrt(63.0)
-    gap = branch.rows[:, 1, 5] - found.orbit[1, 5]
-    share = (branch.weights * gap**2).sum() / SD**2
-    assert 0.2 < share < 0.5  # 0.34 by the kurtosis
+"""Of y2 at impact 2 of `PAIR_B`, from 8 million exact flights (63 paths on the branch)."""
 
 
 @pytest.mark.parametrize(("factor", "verdict"), [(1.0, "accurate"), (0.81, "inaccurate")])
@@ -79,10 +68,7 @@ def test_the_search_is_bounded_whatever_the_number_of_impacts(monkeypatch):
     one = branches.events
     monkeypatch.setattr(branches, "events", lambda flight: flights.append(flight) or one(flight))
     scene = Scene.from_gears(DAT21, sigma=1.2).phase_reduced
-    for impacts in (200, 400):
-        flights.clear()
-        search = BranchSearch(scene, impacts)
-        for k in range(4, 20):
-            found = search.until(2.0**-k)
-        assert len(flights) <= branches.MOST_SEARCHED_FLIGHTS
-        assert found.known == min(impacts, branches.MOST_SEARCHED_FLIGHTS)
+    search = BranchSearch(scene, 400)
+    for k in (4, 8, 12, 16, 19):
+        found = search.until(2.0**-k)
+    assert len(flights) <= branches.MOST_SEARCHED_FLIGHTS == found.known
