@@ -1,4 +1,4 @@
-"""The formulas of docs/model.md sections 2, 3 and 6 in 400 digits, as they stand there.
+"""The formulas of docs/model.md sections 2 and 6 in 400 digits, as they stand there.
 
 Written wheel by wheel, with divisions by beta: with so many digits cancellation does not matter,
 and beta = 0 can be replaced by 1e-30.  No function of `rattle` is used.
@@ -30,13 +30,6 @@ def _phi(beta, t):
     """Decay, phi1 and phi2 of damping."""
     e = -mp.expm1(-beta * t) / beta
     return mp.exp(-beta * t), e, (t - e) / beta
-
-
-@in_digits
-def phi_functions(beta, t):
-    """phi1 and phi2 of damping as doubles."""
-    _, e, g = _phi(mp.mpf(beta or NIL), mp.mpf(t))
-    return float(e), float(g)
 
 
 def _gap(wheel, i, of):
@@ -168,77 +161,3 @@ def step_noise(c, tau, h, increment, slope):
         first = (h * mp.exp(rate * h) - plain) / rate  # of the lag
         integrals.append((increment + slope / 2) * plain - slope / h * first)
     return [float(mp.re(v)) * c.sigma / h for v in amplitudes * mp.matrix(integrals)]
-
-
-@in_digits
-def saltation(c, mesh, tau, before):
-    """The saltation matrix ``R + (F+ - R F-) g' / (g' F-)``, and for each entry the sum of the
-    absolute values of its terms."""
-    j = 2 * (mesh - 1)
-    size = len(before)
-    restitution = mp.eye(size)
-    struck = c.wheels[mesh - 1]
-    eps = mp.mpf(struck.epsilon)
-    # impulse of a unit rate, over what it changes there
-    mobility = [mp.mpf(0)] * len(c.wheels)
-    mobility[mesh - 1] = 1 / mp.mpf(struck.mass)
-    if struck.parent >= 0:
-        k = mp.mpf(struck.ratio)
-        mobility[struck.parent] = -k / mp.mpf(c.wheels[struck.parent].mass)
-    own = _gap(struck, mesh - 1, mobility)
-    turns = _turns(c)
-    for i, wheel in enumerate(c.wheels):
-        restitution[2 * i + 1, j + 1] -= (1 + eps) * _gap(wheel, i, mobility) / own
-
-    def rate(s, absolute=False):
-        """The drift, or the sum of the absolute values of its terms."""
-        driver = mp.mpf(c.alpha) * mp.cos(tau)
-        pushed = -mp.mpf(c.alpha) * mp.sin(tau)
-        v = _deviations(c, s)
-        sizes = []
-        forces = []
-        for wheel, turn, vi in zip(c.wheels, turns, v, strict=True):
-            beta = mp.mpf(wheel.beta)
-            forces.append(turn * pushed + beta * (turn * driver - vi) + mp.mpf(wheel.gamma))
-            sizes.append(beta * (abs(turn * driver) + abs(vi)) + mp.mpf(wheel.gamma))
-        out = []
-        for i, wheel in enumerate(c.wheels):
-            force = _gap(wheel, i, forces)
-            if absolute:
-                inner = mp.mpf(wheel.ratio) * sizes[wheel.parent] if wheel.parent >= 0 else 0
-                driven = abs(turns[i] * pushed) if wheel.parent < 0 else 0
-                force = sizes[i] + inner + driven
-            out += [abs(s[2 * i + 1]) if absolute else s[2 * i + 1], force]
-        return mp.matrix(out)
-
-    before = mp.matrix([value if i % 2 else 0 for i, value in enumerate(before)])
-    after = restitution * before
-    f = rate(before)
-    jump = rate(after) - restitution * f
-    size_of = restitution.apply(abs)
-    jump_size = rate(after, absolute=True) + size_of * rate(before, absolute=True)
-    for i in range(size):
-        restitution[i, j] += jump[i] / f[j]
-        size_of[i, j] += jump_size[i] / abs(f[j])
-    return tuple([[float(v) for v in row] for row in m.tolist()] for m in (restitution, size_of))
-
-
-@in_digits
-def window_integrals(low, high, order):
-    """``int z^n phi(z) dz`` and ``int |z|^n phi(z) dz`` over a window, for every n up to an
-    order."""
-
-    def by_parts(a, b):
-        """Over ``a <= z <= b``, from the error function upwards."""
-        edges = [mp.npdf(a), mp.npdf(b)]
-        out = [mp.ncdf(b) - mp.ncdf(a), edges[0] - edges[1]]
-        for n in range(2, order + 1):
-            ends = a ** (n - 1) * edges[0] - b ** (n - 1) * edges[1]
-            out.append(ends + (n - 1) * out[n - 2])
-        return out
-
-    low = mp.mpf(low)
-    high = mp.mpf(high)
-    middle = min(max(low, mp.mpf(0)), high)  # z has one sign on either side of it
-    parts = list(zip(by_parts(low, middle), by_parts(middle, high), strict=True))
-    return [a + b for a, b in parts], [abs(a) + abs(b) for a, b in parts]

@@ -8,7 +8,7 @@ from itertools import pairwise, product
 import numpy as np
 import pytest
 from oracle import gearbox
-from scenes import TREES, tree
+from scenes import STICKING, TREES, tree
 from scipy.integrate import solve_ivp
 
 from rattle.scene import Scene, Start, Wheel
@@ -157,8 +157,7 @@ def constrained(box, closed, begin, end, state):
 
 STICKING_TREES = {
     "tree of 4": tree((0, 1, 1, 2), 7, alpha=0.6, gamma=1.0, epsilon=(0.1, 0.4)),
-    "chain of 3": tree((0, 1, 2), 6, alpha=0.6, gamma=1.0, epsilon=(0.1, 0.4)),
-}
+} | STICKING
 
 
 @pytest.mark.parametrize("name", STICKING_TREES)
