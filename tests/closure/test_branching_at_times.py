@@ -16,9 +16,7 @@ LEEWAY = 4.5  # standard errors: the largest of 500 rows is that far off once in
 DAT = Scene.from_gears(DAT21)
 LONE, PAIR = (gear_sets()[i].phase_reduced for i in (4, 5))  # one stage, two stages
 SCENES = {  # and what is allowed besides sampling, in sds
-    "DAT21": (noisy(DAT, 0.1), 0.04),
     "DAT21, strong": (noisy(DAT, 0.3), 0.05),
-    "one stage": (noisy(LONE, 0.03), 0.03),
     "two stages": (noisy(PAIR, 0.03), 0.05),
     "flanks of each contact": (
         replace(noisy(DAT, 0.05), tolerance=Tolerance(0.02, 0.02, draw="contact")),

@@ -344,7 +344,7 @@ CLEAN = noisy(3, 0.0, periods=20)
     [
         (CLEAN, {}, "gears.omega = None: give the frequency"),
         (CLEAN, {"omega": 1.3 * OMEGA}, "is not in the file"),
-        (CLEAN, {"periods": 14}, "drive.periods = 14: is not in the file"),
+        (measure(OMEGA2, SINE, TIMES), {"periods": 66}, "drive.periods = 66: is not in the file"),
         (CLEAN, {"omega": OMEGA, "periods": 19}, "periods = 19: would be a frequency of"),
         (CLEAN, {"omega": OMEGA, "highest_order": 0}, "highest_order = 0"),
         (
