@@ -47,65 +47,62 @@ def _deviations(c, s):
     return v
 
 
-@in_digits
-def flight(c, tau, s, t):
-    """Changes of the displacements and new rates after a flight, in the order of the state; and the
-    sum of the absolute values of their terms."""
-    a, tau, t = (mp.mpf(v) for v in (c.alpha, tau, t))
-    sine = mp.sin(tau)
-    cosine = mp.cos(tau)
-    versine = 1 - mp.cos(t)
+def _flown(c, tau, s, t):
+    """Changes of the displacements and new rates after a flight, in the order of the state."""
     moved = []
     gained = []
-    parts = [_phi(beta, t) for beta in _betas(c)]
-    v = _deviations(c, s)
-    speeds = []
-    turns = _turns(c)
-    for wheel, turn, (d, e, drag), vi in zip(c.wheels, turns, parts, v, strict=True):
-        driver = turn * a
-        speed = driver * cosine - vi
-        speeds.append(abs(driver * cosine) + abs(vi))
+    for wheel, turn, beta, vi in zip(
+        c.wheels, _turns(c), _betas(c), _deviations(c, s), strict=True
+    ):
+        d, e, drag = _phi(beta, t)
+        driver = turn * mp.mpf(c.alpha)
+        speed = driver * mp.cos(tau) - vi
         gamma = mp.mpf(wheel.gamma)
-        moved.append(driver * (mp.sin(tau + t) - sine) - (speed * e - gamma * drag))
+        moved.append(driver * (mp.sin(tau + t) - mp.sin(tau)) - (speed * e - gamma * drag))
         gained.append(driver * mp.cos(tau + t) - (speed * d - gamma * e))
-    values = []
+    return [_gap(wheel, i, of) for i, wheel in enumerate(c.wheels) for of in (moved, gained)]
+
+
+@in_digits
+def flight(c, tau, s, t):
+    """The end of a flight, as `_flown`, and the sum of the absolute values of its terms."""
+    tau, t = (mp.mpf(v) for v in (tau, t))
+    sine = abs(mp.sin(tau))
+    cosine = abs(mp.cos(tau))
+    versine = 1 - mp.cos(t)
+    parts = [_phi(beta, t) for beta in _betas(c)]
+    drivers = [turn * mp.mpf(c.alpha) for turn in _turns(c)]
+    speeds = [
+        driver * cosine + abs(vi) for driver, vi in zip(drivers, _deviations(c, s), strict=True)
+    ]
     sizes = []
     for i, (wheel, (d, e, drag)) in enumerate(zip(c.wheels, parts, strict=True)):
-        values += [_gap(wheel, i, moved), _gap(wheel, i, gained)]
         y = abs(mp.mpf(s[2 * i + 1]))
         size = [y * e + wheel.gamma * drag, y * d + wheel.gamma * e]
         if wheel.parent < 0:
-            driver = turns[i] * a
-            size[0] += driver * (abs(cosine * (mp.sin(t) - e)) + abs(sine) * versine)
-            size[1] += driver * (
-                abs(cosine) * (mp.mpf(wheel.beta) * e + versine) + abs(sine * mp.sin(t))
-            )
+            size[0] += drivers[i] * (cosine * abs(mp.sin(t) - e) + sine * versine)
+            size[1] += drivers[i] * (cosine * (wheel.beta * e + versine) + sine * abs(mp.sin(t)))
         else:
             parent = c.wheels[wheel.parent]
             other_d, other_e, other_drag = parts[wheel.parent]
-            k = mp.mpf(wheel.ratio)
-            speed = k * speeds[wheel.parent]
-            size[0] += speed * abs(other_e - e) + k * parent.gamma * other_drag
-            size[1] += speed * abs(other_d - d) + k * parent.gamma * other_e
+            speed = speeds[wheel.parent]
+            size[0] += wheel.ratio * (speed * abs(other_e - e) + parent.gamma * other_drag)
+            size[1] += wheel.ratio * (speed * abs(other_d - d) + parent.gamma * other_e)
         sizes += size
-    return [float(v) for v in values], [float(v) for v in sizes]
+    return [float(v) for v in _flown(c, tau, s, t)], [float(v) for v in sizes]
 
 
 @in_digits
 def jacobian(c, t):
-    """The Jacobian of a flight, ``exp(A t)``."""
+    """The Jacobian of a flight, ``exp(A t)``: what a unit of each rate adds."""
     size = 2 * len(c.wheels)
-    parts = [_phi(beta, mp.mpf(t)) for beta in _betas(c)]
-    rows = mp.eye(size)
-    for j in range(len(c.wheels)):
-        unit = [0] * size
-        unit[2 * j + 1] = 1
-        v = _deviations(c, unit)
-        for i, wheel in enumerate(c.wheels):
-            for at, place in ((2 * i, 1), (2 * i + 1, 0)):
-                moved = [vi * part[place] for vi, part in zip(v, parts, strict=True)]
-                rows[at, 2 * j + 1] = _gap(wheel, i, moved)
-    return [[float(rows[i, j]) for j in range(size)] for i in range(size)]
+    time = mp.mpf(t)
+    rest = _flown(c, 0, [0] * size, time)
+    columns = mp.eye(size).tolist()
+    for j in range(1, size, 2):
+        flown = _flown(c, 0, columns[j], time)
+        columns[j] = [a - b for a, b in zip(flown, rest, strict=True)]
+    return [[float(column[i]) for column in columns] for i in range(size)]
 
 
 def _responses(c, end):

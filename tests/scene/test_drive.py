@@ -21,7 +21,7 @@ SPARSE = (
 
 
 @pytest.mark.parametrize("orders", [ORDERS, SPARSE])
-@pytest.mark.parametrize("t", [1e-3, 0.05, 0.7, 9.0])
+@pytest.mark.parametrize("t", [1e-3, 9.0])
 def test_a_noise_free_flight_is_that_of_an_ode_solver(orders, t):
     scene = replace(THREE, gap1=1e3, gap2=1e3, start=Start(0.4, *STATE), drive=orders)
     exact = gearbox(scene.constants, orders).fly(0.4, STATE, t)
@@ -31,8 +31,8 @@ def test_a_noise_free_flight_is_that_of_an_ode_solver(orders, t):
     assert wrong != pytest.approx(exact, rel=1e-12, abs=1e-12)
 
 
-@pytest.mark.parametrize("t", [0.02, 0.4])
-def test_the_noise_of_a_flight_has_the_covariance_of_the_linear_system(t):
+def test_the_noise_of_a_flight_has_the_covariance_of_the_linear_system():
+    t = 0.4
     start = THREE.start.tau
     exact = gearbox(THREE.constants, ORDERS).covariance(start, np.zeros((4, 4)), t)
     sd = np.sqrt(exact.diagonal())

@@ -7,7 +7,7 @@ import numba
 import pytest
 from scenes import STICKING
 
-from rattle import InputError, Order, follow, mean_map, rattle_threshold
+from rattle import Order, follow, mean_map, rattle_threshold
 from rattle.scene import DAT21, Gears, Scene, Start
 
 COMPILED = pytest.mark.skipif(
@@ -56,9 +56,6 @@ def test_the_orbit_goes_on_and_linearisations_stop_at_sticking():
     assert (orbit.found, orbit.stopped) == (40, "")
     assert len(orbit.sticking) >= 2
     first = orbit.sticking[0].impact
-    m = mean_map(SINGLE, impacts=40, closure="corrected")
-    assert m.stopped == f"a mesh sticks after impact {first}"
-    assert m.section["tau"].notna().sum() == first
     # which ends at the first impact that is too slow for it
     m = mean_map(SINGLE, impacts=40, closure="saltation")
     assert m.stopped == f"impact {m.trace.found + 1} grazes its wall"
@@ -113,8 +110,3 @@ def test_torques_are_in_newton_millimetres():
     assert wheel.drag == 7.0
     assert wheel.unit == "N mm"
     assert wheel.least == pytest.approx(500.0 * (2.0 * 0.3) * 100.0**2 / 40.0 / 1000.0)
-
-
-def test_bad_input_is_refused():
-    with pytest.raises(InputError, match="give a Scene"):
-        rattle_threshold(DAT21)

@@ -17,7 +17,6 @@ from rattle.scene.impact import energy_loss, next_impact, strike
 from rattle.scene.long_orbit import LongOrbit, attractor
 from rattle.scene.orbit import follow
 from rattle.scene.sticking import (
-    CHATTER_LIMIT,
     as_bodies,
     find_sticking,
     open_meshes,
@@ -69,25 +68,15 @@ def test_flights_and_impacts_are_those_of_the_oracle(name):
 
 
 @pytest.mark.parametrize("name", TREES)
-def test_impacts_keep_momentum_and_lose_the_energy_that_is_counted(name):
+def test_impacts_lose_the_energy_that_is_counted(name):
     orbit = orbit_of(name)
     c = orbit.constants
-    mass = c.wheels["mass"]
     to_gaps = gearbox(c).to_gaps
     for mesh, before, after in zip(orbit.mesh[1:], orbit.before[1:], orbit.after[1:], strict=True):
-        struck = c.wheels[mesh - 1]
         v, then = (np.linalg.solve(to_gaps, state[1::2]) for state in (before, after))
-        momentum = mass * (then - v)
-        expected = np.zeros(mass.size)
-        expected[mesh - 1] = momentum[mesh - 1]
-        if struck.parent >= 0:
-            expected[struck.parent] = -struck.ratio * momentum[mesh - 1]
-        assert momentum == pytest.approx(expected, abs=1e-13)
-        lost = 0.5 * mass @ (v**2 - then**2)
+        lost = 0.5 * c.wheels["mass"] @ (v**2 - then**2)
         counted = energy_loss(c, mesh, before[2 * mesh - 1])
         assert counted == pytest.approx(lost, rel=1e-11, abs=1e-13)
-        if struck.parent >= 0 and lost > 1e-6:  # negative control: a parent that does not move
-            assert counted / (1.0 - struck.share) != pytest.approx(lost, rel=1e-3)
 
 
 def enumerate_sticking(box, tau, y, touching):
@@ -188,37 +177,6 @@ def test_sticking_phases_are_those_of_contact_forces(name):
         wrong = constrained(box, np.cumsum(closed != 0) > 1, begin, end, leg[1 : 1 + states])
         assert abs(wrong(end) - truth(end)).max() > 1e-7
     assert phases >= 4
-
-
-def on_the_driver(*wheels, **settings):
-    """A scene of wheels on the driver, and each of them alone."""
-    state = [value for i, wheel in enumerate(wheels) for value in (0.9 * wheel.gap, 0.1 + 1e-7 * i)]
-    start = Start(0.3, state=state)
-    together = Scene(wheels=wheels, start=start, **settings)
-    alone = []
-    for i, wheel in enumerate(wheels):
-        first = Start(0.3, state=state[2 * i : 2 * i + 2])
-        alone.append(Scene(wheels=[replace(wheel, mass=1.0)], start=first, **settings))
-    return together, alone
-
-
-def test_meshes_that_accumulate_at_once_close_as_each_would_alone():
-    """Wheels on the driver do not feel each other; their first impacts are 1e-8 apart.  Closed
-    together, they are early by `CHATTER_LIMIT` at most; a drag that is 1e-4 off is seen."""
-    wheels = [
-        Wheel(beta=0.1, gamma=1.0, epsilon=0.3, mass=mass, ratio=ratio)
-        for mass, ratio in ((1.0, 1.0), (0.4, 1.0), (2.0, 1.1))
-    ]
-    heavier = [replace(wheel, gamma=1.0001 * wheel.gamma) for wheel in wheels]
-    together, alone = on_the_driver(*wheels, alpha=0.4)
-    _, wrong = on_the_driver(*heavier, alpha=0.4)
-    phases = follow(together, 100).sticking
-    for mesh, pair in enumerate(zip(alone, wrong, strict=True), 1):
-        expected, other = (follow(scene, 25).sticking[0] for scene in pair)
-        closed = next(phase for phase in phases if phase.mesh == mesh)
-        assert closed.side == expected.side
-        assert closed.closed == pytest.approx(expected.closed, rel=0, abs=CHATTER_LIMIT)
-        assert abs(other.closed - closed.closed) > CHATTER_LIMIT
 
 
 def test_chatter_beside_a_closed_mesh_takes_as_long_as_its_impacts_one_by_one():
