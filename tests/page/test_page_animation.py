@@ -22,7 +22,7 @@ OVERLAPS = """(() => {
 @pytest.fixture(scope="module")
 def drawn():
     scene = Scene.from_gears(DAT21, sigma=0.1)
-    return animate(scene, impacts=24, rng=1, name="<b>DAT21</b>" + "long" * 60)
+    return animate(scene, impacts=8, rng=1, name="<b>DAT21</b>" + "long" * 60)
 
 
 @pytest.fixture(scope="module")
