@@ -25,7 +25,7 @@ LESS = {
     b"--budget 15": b"--budget 2",
     b'"accuracy": 0.02': b'"accuracy": 0.1',
     b"accuracy=0.05,": b"accuracy=0.2,",
-    b"_000": b"_00",
+    b"refuse=False": b"refuse=False, budget=2.0",
 }
 """What cells compute on the pages, and how much less of it here."""
 

@@ -67,34 +67,6 @@ def test_the_first_impact_is_the_first_crossing_of_an_integrator(name):
         assert there == pytest.approx(expected[3], rel=0, abs=1e-10 + 1e-10 / speed)
 
 
-TURN = 2.0  # tau of the turning point: x1'' = about -1.4 there, so x1 is highest
-EARLIER = 0.4
-WIDE = replace(DAT, gears=None, gap1=1e3, gap2=1e3, start=Start())
-
-
-def turning_state(x1):
-    """The state a time earlier than a turning point of x1 (x2 in the middle, at rest)."""
-
-    def fly(state):
-        scene = replace(WIDE, start=Start(TURN - EARLIER, *state))
-        return follow(scene, 1).state(TURN)
-
-    flown = fly(np.zeros(4))
-    matrix = np.transpose([fly(unit) - flown for unit in np.eye(4)])
-    return np.linalg.solve(matrix, [x1, 0.0, 0.0, 0.0] - flown)
-
-
-@pytest.mark.parametrize("duration", [1e-3, 1e-6])
-def test_a_short_excursion_under_the_excitation_is_met(duration):
-    bend = DAT.alpha * (math.sin(TURN) - DAT.beta1 * math.cos(TURN)) - DAT.gamma1
-    state = turning_state(DAT.gap1 + bend * duration**2 / 8)
-    t, mesh, side, there = first_impact(DAT, TURN - EARLIER, state)
-    assert (mesh, side) == (1, 1)
-    # x1 rounds to 1e-16, over the bend and the duration: 1e-10 against 1e-6
-    assert t == pytest.approx(EARLIER - 0.5 * duration, rel=0, abs=1e-2 * duration)
-    assert there[1] == pytest.approx(0.5 * bend * duration, rel=1e-2)
-
-
 @pytest.mark.parametrize("speed", [1.0, 1e-6])
 @pytest.mark.parametrize("mesh", [1, 2])
 def test_the_same_wall_is_struck_twice_in_a_row(speed, mesh):
@@ -109,6 +81,19 @@ def test_the_same_wall_is_struck_twice_in_a_row(speed, mesh):
     assert (struck, side) == ((1, 1) if mesh == 1 else (2, -1))
     assert t == pytest.approx(2 * speed / drag, rel=1e-7)
     assert abs(there[2 * mesh - 1]) == pytest.approx(speed, rel=1e-7)
+
+
+@pytest.mark.parametrize("duration", [1e-3, 1e-6])
+def test_a_short_excursion_beyond_a_wall_is_met(duration):
+    """x1 is thrown down against a pull, and would be beyond the wall for that time."""
+    drag = 3.0
+    scene = still(gamma1=drag, gamma2=drag)
+    speed = math.sqrt(2.0 * drag * (0.9 + drag * duration**2 / 8.0))
+    t, mesh, side, there = first_impact(scene, 0.3, (0.4, -speed, 0.1, 0.0))
+    assert (mesh, side) == (1, -1)
+    # x1 rounds to 1e-16, over the pull and the duration: 1e-10 against 1e-6
+    assert t == pytest.approx(speed / drag - 0.5 * duration, rel=0, abs=1e-2 * duration)
+    assert there[1] == pytest.approx(-0.5 * drag * duration, rel=1e-2)
 
 
 @pytest.mark.parametrize("k", [1, 5])
