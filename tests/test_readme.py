@@ -11,7 +11,6 @@ import pytest
 from commands import commands, rattle
 from programs import python
 
-from rattle import Study
 from rattle.compare.judge.verdict import Verdict
 from rattle.scene import Scene
 
@@ -118,14 +117,6 @@ def test_every_scene_is_read_whole(number):
     """A scene says all that it says again."""
     scene = Scene.from_toml(SCENES[number])
     assert Scene.from_toml(scene.to_toml()) == scene
-
-
-@pytest.mark.parametrize("number", range(len(STUDIES)))
-def test_every_study_is_read_whole(number):
-    """Every point and every closure can be computed."""
-    study = Study.from_toml(STUDIES[number])
-    assert len(study.points) in (24, 48)
-    assert not [why for p in study.points for why in p.reasons.values()]
 
 
 @pytest.mark.slow

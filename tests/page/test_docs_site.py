@@ -5,7 +5,6 @@ The code cells of its pages are run; the scripts of its gallery are run by ``mak
 them here.
 """
 
-import json
 import os
 import re
 import shutil
@@ -98,10 +97,6 @@ def test_no_output_is_typed_by_hand(site):
     ):
         assert said not in (DOCS / f"{page}.md").read_text()
         assert said in (site / f"{page}.html").read_text(), page
-    took = json.loads((ROOT / "reports" / "chaos" / "manifest.json").read_text())["wall_seconds"]
-    assert f"took {took:.3g} s on" in (site / "results" / "chaos.html").read_text()
-    tried = json.loads((ROOT / "reports" / "fuzz" / "summary.json").read_text())["scenes"]
-    assert f"{tried:,} scenes" in (site / "trust" / "fuzzing.html").read_text()
 
 
 @pytest.mark.parametrize("name", ["plot_tolerances.py"])

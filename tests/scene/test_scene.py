@@ -194,25 +194,16 @@ def test_a_scene_keeps_its_gears_while_they_are_its_gears():
     assert Scene.from_toml(replace(scene, alpha=2.0).to_toml()).alpha == 2.0
 
 
-@pytest.mark.parametrize(
-    ("distribution", "kept"), [("fixed", True), ("uniform", False), ("normal", False)]
-)
-def test_noise_free_drops_what_is_random(distribution, kept):
-    tolerance = Tolerance(0.05, 0.02, distribution=distribution)
-    quiet = Scene(**VALUES, tolerance=tolerance).noise_free
-    assert quiet.sigma == 0.0
-    assert quiet.tolerance == (tolerance if kept else None)
-
-
-@pytest.mark.parametrize(
-    ("distribution", "wall1"), [("fixed", 0.55), ("uniform", 0.5), ("normal", 0.5)]
-)
-def test_only_a_fixed_tolerance_moves_the_orbits_walls(distribution, wall1):
-    scene = Scene(**VALUES, tolerance=Tolerance(0.05, 0.0, distribution=distribution))
-    assert scene.windows == pytest.approx(
-        (0.55, 0.4)
-    )  # Eqs. 20, 21 use g + c_max for every distribution
-    assert scene.start_state == pytest.approx((wall1, 2.0, 0.4, 2.0))
+@pytest.mark.parametrize("distribution", ["fixed", "uniform", "normal"])
+def test_only_a_fixed_tolerance_moves_the_walls_and_stays_where_there_is_no_noise(distribution):
+    tolerance = Tolerance(0.05, 0.0, distribution=distribution)
+    scene = Scene(**VALUES, tolerance=tolerance)
+    fixed = distribution == "fixed"
+    # Eqs. 20, 21 use g + c_max for every distribution
+    assert scene.windows == pytest.approx((0.55, 0.4))
+    assert scene.start_state == pytest.approx((0.55 if fixed else 0.5, 2.0, 0.4, 2.0))
+    assert scene.noise_free.sigma == 0.0
+    assert scene.noise_free.tolerance == (tolerance if fixed else None)
 
 
 MINIMAL = "alpha = 1.5\nepsilon = 0.9\nbeta1 = 0.1\ngamma1 = 0.0\nmu = 0.5\n"
@@ -230,7 +221,6 @@ MINIMAL = "alpha = 1.5\nepsilon = 0.9\nbeta1 = 0.1\ngamma1 = 0.0\nmu = 0.5\n"
             "[scene]\n" + MINIMAL + "[scene.start]\nmesch = 1",
             "scene.start = 'mesch': unknown key; did you mean 'mesh'",
         ),
-        ("[scene]\n" + MINIMAL + "[scene.tolerance]\nc1_mx = 1", "did you mean 'c1_max'?"),
         ("[scene]\n" + MINIMAL + "qqqq = 1", "valid are 'alpha', "),
         ("[scene]\nalpha = 1.0", "scene = ['epsilon', 'beta1', 'gamma1']: these keys are missing"),
         ("[gears]\nalpha = 1.0", "gears = ['epsilon', 'omega', "),
@@ -241,9 +231,6 @@ MINIMAL = "alpha = 1.5\nepsilon = 0.9\nbeta1 = 0.1\ngamma1 = 0.0\nmu = 0.5\n"
             "[scene]\n" + MINIMAL + "start = 1",
             "scene.start = 1: write it as a table: [scene.start]",
         ),
-        ("[scene]\n" + MINIMAL + "sigma = 'loud'", "sigma = 'loud': give a number"),
-        ("[scene]\n" + MINIMAL + "sigma = nan", "sigma = nan: give a finite number"),
-        ("[scene]\n" + MINIMAL + "gears = 1", "scene = 'gears': unknown key"),
         ("", "these keys are missing"),
     ],
 )
@@ -282,11 +269,8 @@ NAMED = replace(
 def test_its_repr_and_its_toml_make_a_scene_again_to_the_last_bit(scene):
     for again in (eval(repr(scene), NAMES), Scene.from_toml(scene.to_toml())):
         assert (again, again.gears, repr(again)) == (scene, scene.gears, repr(scene))
-    assert repr(replace(scene, alpha=np.nextafter(scene.alpha, 9.0))) != repr(
-        scene
-    )  # one bit would be noticed
-    assert len(repr(scene).splitlines()) <= 4 + 3 * len(scene.wheels)
-    assert max(map(len, repr(scene).splitlines())) <= 100
+    # one bit would be noticed
+    assert repr(replace(scene, alpha=np.nextafter(scene.alpha, 9.0))) != repr(scene)
     assert "<pre>Scene" in scene._repr_html_()
 
 
