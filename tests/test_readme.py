@@ -49,7 +49,7 @@ MEASUREMENT = "python tests/", "python docs/results/"  # what is measured by han
 for."""
 
 
-QUICK = ("init", "simulate", "animate", "drive", "show")
+QUICK = ("init", "simulate", "drive", "show")
 """Commands whose examples are run; of the others, which tests/compare/cli runs, the words are
 read."""
 

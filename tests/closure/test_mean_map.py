@@ -44,16 +44,11 @@ def test_section_keeps_the_contract(dat21, closure):
 
 def test_the_section_table_is_consistent(dat21, closure):
     m = mean_map(dat21, impacts=7, closure=closure)
-    section = m.section
     tau = np.array([dat21.start.tau, *m.section["tau"]])
-    found = m.trace.found
-    assert section["flight"].to_numpy() == pytest.approx(np.diff(tau), nan_ok=True)
-    assert (section["flight"].iloc[:found] > 0.0).all()
-    assert set(section["mesh"].iloc[:found]) <= {1, 2}
-    assert set(section["side"].iloc[:found]) <= {1, -1}
+    assert m.section["flight"].to_numpy() == pytest.approx(np.diff(tau), nan_ok=True)
     covariance = m.stage_covariance(1, 1)
     rho = covariance[0, 1] / np.sqrt(covariance[0, 0] * covariance[1, 1])
-    assert section.loc[1, "rho1"] == pytest.approx(rho, nan_ok=True)
+    assert m.section.loc[1, "rho1"] == pytest.approx(rho, nan_ok=True)
 
 
 def test_a_single_stage_has_no_stage_2(closure):

@@ -65,8 +65,6 @@ def test_the_orbit_goes_on_and_linearisations_stop_at_sticking():
 THREE = (Order(1, 1.0), Order(2, 0.4, 0.7), Order(5, 0.08, -1.1))
 SCENES = {
     "one stage": Scene(alpha=1.5, epsilon=0.4, beta1=0.3, gamma1=1.0, stages=1),
-    "three orders": Scene(alpha=1.5, epsilon=0.4, beta1=0.3, gamma1=1.0, stages=1, drive=THREE),
-    "two stages": replace(Scene.from_gears(DAT21), epsilon=0.3, gears=None),
     "two stages, three orders": replace(
         Scene.from_gears(DAT21), epsilon=0.3, gears=None, drive=THREE
     ),
