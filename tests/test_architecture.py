@@ -1,12 +1,11 @@
 """Data flows scene -> closure | montecarlo -> compare, never back; and importing stays cheap."""
 
 import ast
-from collections import Counter
 from pathlib import Path
 
 import pytest
 from programs import python
-from source_tree import circles, floors, import_graph, rooms, sources
+from source_tree import circles, import_graph, rooms, sources
 
 ROOT = Path(__file__).resolve().parent.parent
 MAY_IMPORT = {
@@ -56,12 +55,6 @@ def test_neither_help_nor_the_import_loads_the_scientific_stack(name):
     assert python("-c", f"import sys, {name}{HEAVY}").stdout.strip() == "[]"
 
 
-def test_a_class_name_has_one_meaning(trees):
-    nodes = (node for tree in trees.values() for node in ast.walk(tree))
-    names = Counter(node.name for node in nodes if isinstance(node, ast.ClassDef))
-    assert not [name for name, times in names.items() if times > 1]
-
-
 def test_no_imports_run_in_a_circle(trees):
     """Wherever they stand: at the top of a module, for types only, or within a function."""
     assert not circles(import_graph(trees))
@@ -70,9 +63,6 @@ def test_no_imports_run_in_a_circle(trees):
     ]  # one that is planted
 
 
-@pytest.mark.parametrize(("package", "most"), {"closure": 5, "montecarlo": 7, "compare": 8}.items())
-def test_folders_import_each_other_one_way_on_few_floors(trees, package, most):
-    found = rooms(import_graph(trees), package)
-    assert not circles(found)
-    assert floors(found) <= most
-    assert floors({"a": {"b"}, "b": {"c"}, "c": set(), "d": {"c"}}) == 3
+@pytest.mark.parametrize("package", ["closure", "montecarlo", "compare"])
+def test_folders_import_each_other_one_way(trees, package):
+    assert not circles(rooms(import_graph(trees), package))

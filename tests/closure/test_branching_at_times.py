@@ -16,9 +16,7 @@ LEEWAY = 4.5  # standard errors: the largest of 500 rows is that far off once in
 DAT = Scene.from_gears(DAT21)
 LONE, PAIR = (gear_sets()[i].phase_reduced for i in (4, 5))  # one stage, two stages
 SCENES = {  # and what is allowed besides sampling, in sds
-    "DAT21": (noisy(DAT, 0.1), 0.04),
     "DAT21, strong": (noisy(DAT, 0.3), 0.05),
-    "one stage": (noisy(LONE, 0.03), 0.03),
     "two stages": (noisy(PAIR, 0.03), 0.05),
     "flanks of each contact": (
         replace(noisy(DAT, 0.05), tolerance=Tolerance(0.02, 0.02, draw="contact")),
@@ -81,28 +79,21 @@ def test_one_orbit_alone_is_wrong(case):
     assert count > 0.3 * rows
 
 
-@pytest.mark.parametrize("scene", [DAT, LONE, PAIR], ids=["DAT21", "one stage", "two stages"])
+@pytest.mark.parametrize("scene", [LONE, PAIR], ids=["one stage", "two stages"])
 def test_in_flight_at_small_noise_it_is_the_saltation_closure(scene):
     """To first order: means differ by O(sigma) of an sd, which saltation leaves out there, sds by
     O(sigma^2)."""
     tau = follow(scene, IMPACTS).tau
     times = 0.5 * (tau[1:] + tau[:-1])
-    names = [*state_names(scene.stages)]
-    variances = [f"cov_{name}_{name}" for name in names]
-    off = []
-    for noise in (1e-4, 1e-5):
-        b, s = (
-            mean_map(noisy(scene, noise), impacts=IMPACTS, closure=closure).at_times(times)
-            for closure in ("branching", "saltation")
-        )
-        sd = s[variances].to_numpy() ** 0.5
-        means = np.abs(b[names].to_numpy() - s[names].to_numpy()) / sd
-        sds = np.abs(b[variances].to_numpy() ** 0.5 / sd - 1.0)
-        off.append([means.max(), sds.max()])
-        np.testing.assert_allclose(b["rho1"], s["rho1"], atol=1e4 * noise**2)
-    coarse, fine = np.array(off)
-    assert fine.max() < 5e-3
-    assert np.log10(coarse / fine) == pytest.approx([1.0, 2.0], abs=0.1)
+    b, s = (
+        mean_map(noisy(scene, 1e-5), impacts=IMPACTS, closure=closure).at_times(times)
+        for closure in ("branching", "saltation")
+    )
+    for name in state_names(scene.stages):
+        sd = s[f"cov_{name}_{name}"] ** 0.5
+        assert ((b[name] - s[name]).abs() / sd).max() < 5e-3
+        assert (b[f"cov_{name}_{name}"] ** 0.5 / sd - 1.0).abs().max() < 1e-5
+    np.testing.assert_allclose(b["rho1"], s["rho1"], atol=1e-6)
 
 
 def test_as_many_flights_are_followed_as_the_time_asks_for():

@@ -39,16 +39,13 @@ def grid_moments(series, order):
 def test_the_series_has_the_moments_it_was_made_of(order):
     raw = raw_moments(order)
     assert abs(raw[1, 0]) + abs(raw[0, 1]) < 1e-14
-    found = grid_moments(scaled(raw), order)
+    series = scaled(raw)
+    found = grid_moments(series, order)
     for n in range(order + 1):
         for p in range(order + 1 - n):
             assert found[n, p] == pytest.approx(raw[n, p], rel=0, abs=1e-12)
-
-
-def test_the_velocity_density_is_the_joint_one_integrated():
-    series = scaled(raw_moments(6))
-    x = np.linspace(-11, 11, 441) * series.sd_x
+    x = np.linspace(-11, 11, 441)[:, None] * series.sd_x
     zeta = np.linspace(-4, 4, 33)
-    joint = series.density(x[:, None] + 0 * zeta, zeta + 0 * x[:, None]).sum(axis=0) * (x[1] - x[0])
+    joint = series.density(x + 0.0 * zeta, zeta + 0.0 * x).sum(axis=0) * (x[1] - x[0])
     # a sum of 441 terms
     assert series.velocity_density(zeta) == pytest.approx(joint, rel=0, abs=441 * 2.0**-53)

@@ -55,14 +55,6 @@ def ratios(bandwidth):
 DRIVE = GEARS.omega / (2.0 * math.pi)  # Hz
 
 
-def test_a_wide_band_acts_as_white_noise_of_its_density():
-    found = ratios(40.0 * DRIVE)
-    assert found == pytest.approx(1.0, abs=0.02)
-    # a two-sided bandwidth, a factor 2 in density, and one in sigma would be seen
-    for wrong in (math.sqrt(0.5), math.sqrt(2.0), 2.0):
-        assert (np.abs(found / wrong - 1.0) > 0.2).all()
-
-
 @pytest.mark.parametrize(
     ("band", "time", "speed"), [(1.0, 0.67, 0.48), (2.0, 0.87, 0.69), (5.0, 1.00, 0.92)]
 )
@@ -76,8 +68,6 @@ def test_a_spectrum_counts_by_its_mean_density():
     assert GEARS.sigma_from(spectrum=([0.0, 20.0, 50.0], [level] * 3)) == pytest.approx(
         flat, rel=1e-14
     )
-    sloped = np.linspace(0.0, 50.0, 11), np.linspace(2.0 * level, 0.0, 11)
-    assert GEARS.sigma_from(spectrum=sloped) == pytest.approx(flat, rel=1e-14)
     assert GEARS.sigma_from(spectrum=([10.0, 60.0], [level, level])) == pytest.approx(
         flat, rel=1e-14
     )

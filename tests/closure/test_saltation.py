@@ -5,10 +5,10 @@ from functools import partial
 import numpy as np
 import pandas as pd
 import pytest
-from common_scenes import SCENES
+from scenes import TREES
 
 from rattle import Record, follow, mean_map, simulate
-from rattle.scene import DAT21, Scene, Start, Tolerance, section_names, state_names
+from rattle.scene import DAT21, Scene, Tolerance, section_names, state_names
 
 dat21 = partial(Scene.from_gears, DAT21)
 TOLERANCES = {
@@ -19,13 +19,12 @@ TOLERANCES = {
     "fixed": Tolerance(1e-2, 2e-2, distribution="fixed"),
 }
 TOLERANT = {name: dat21(sigma=0.002, tolerance=tolerance) for name, tolerance in TOLERANCES.items()}
-QUIET = {name: of_sigma(0.002) for name, of_sigma in SCENES.items()} | TOLERANT
+QUIET = {"DAT21": dat21(sigma=0.002), "one stage": dat21(sigma=0.002, stages=1)} | TOLERANT
 SLOW = 0.2  # speed of an impact after which first order in the noise is not enough
 # sds of the impact times that must fit between a fixed time and the impacts around it
 CLEAR = 6.0
 SHORT = 0.1  # a fixed time is a whole number of steps, and lies beside the middle of a flight
 LIMIT = 4.0  # standard errors; of at most 72 moments of a scene, Bonferroni at 0.5 %
-ROUNDED = 1e-3  # of a correlation, by what is of second order: near a focus it is known to 1e-5
 
 
 def middles(scene):
@@ -55,7 +54,8 @@ def standard_errors(scene, run, prefixes, order=4):
     """By how many standard errors a prediction is off the sample in what varies, as far as all
     paths follow the orbit; by column, one row an impact."""
     section = run.section
-    speed = section["y1"].where(section["mesh"] == 1, section.get("y2")).abs()
+    before = section[[f"y{mesh}" for mesh in range(1, scene.stages + 1)]].to_numpy()
+    speed = np.abs(before[range(len(section)), section["mesh"] - 1])
     # the noise is small until times spread, or an impact all but grazes
     small = (section["agreement"] == 1.0) & (section["sd_tau"] < 0.04) & (speed > SLOW)
     section = section[small.cummin()]
@@ -79,34 +79,30 @@ def test_small_noise_section_moments(run):
     assert (standard_errors(wrong, run, ("", "sd_")) > 6.0).any(axis=None)
 
 
-def excess(run, closure, scale=1.0):
-    """Standard errors by which a closure, its covariances times `scale`, is off at fixed times
-    until which all paths have followed the orbit."""
+def excess(run, scale=1.0):
+    """Standard errors by which variances times `scale` are off at fixed times until which all paths
+    have followed the orbit."""
     stages = run.scene.stages
     fixed = run.at_times()
     fixed = fixed[fixed.index < run.section["tau"][run.section["agreement"] == 1.0].max()]
     assert len(fixed) >= 3
-    predicted = mean_map(run.scene, impacts=12, closure=closure).at_times(fixed.index)
+    predicted = mean_map(run.scene, impacts=12).at_times(fixed.index)
     worst = []
     for name in (f"cov_{q}_{q}" for q in state_names(stages)):
         worst.append((scale * predicted[name] - fixed[name]).abs() / fixed[f"se_{name}"])
-    for name in ("rho1", "rho2")[:stages]:
-        off = (predicted[name] - fixed[name]).abs()
-        worst.append((off - ROUNDED) / fixed[f"se_{name}"])
     last = f"x{stages}"
     still = fixed[f"cov_{last}_{last}"] < 1e-15  # before what the other wheels do to it
     return np.array(worst)[:, ~still]
 
 
-def test_sds_and_rho_between_impacts(run):
-    assert (excess(run, "saltation") < LIMIT).all()
-    # negative control: covariances 5 % too large, and the closure whose impact times do not vary
-    assert (excess(run, "saltation", scale=1.05) > LIMIT).any()
-    assert (excess(run, "corrected") > LIMIT).mean() > 0.2
+def test_sds_between_impacts(run):
+    """Negative control: variances 5 % too large."""
+    assert (excess(run) < LIMIT).all()
+    assert (excess(run, scale=1.05) > LIMIT).any()
 
 
 SECOND = {
-    "noise": dat21(sigma=0.02),
+    "noise": TREES["tree of 4"].with_sigma(0.02),
     "flanks": dat21(tolerance=Tolerance(2e-3, 2e-3, distribution="normal")),
 }
 """Noise and flanks for which second order exceeds the sampling error of paths of one itinerary."""
@@ -116,29 +112,9 @@ SECOND = {
 def test_mean_shift_and_skewness_are_of_second_order(name):
     """Of about 60 values, Bonferroni at 0.5 %; negative control: first order has neither."""
     scene = SECOND[name]
-    run = simulate(scene, paths=400_000, rng=11, workers=2)
+    run = simulate(scene, paths=100_000, rng=11)
     assert standard_errors(scene, run, [""], order=3).max(axis=None) < 4.0
-    assert standard_errors(scene, run, [""], order=2).max(axis=None) > 15.0
+    assert standard_errors(scene, run, [""], order=2).max(axis=None) > 7.5
     if name == "noise":  # a flank is no Gaussian
         assert standard_errors(scene, run, ["skew_"], order=3).max(axis=None) < 4.0
-        assert (run.section["skew_tau"] / run.section["se_skew_tau"]).abs().max() > 15.0
-
-
-def test_the_first_flight_is_skew_as_its_end_is():
-    m = mean_map(dat21(sigma=0.02), impacts=12).section
-    assert m["skew_flight"].iloc[0] == pytest.approx(m["skew_tau"].iloc[0], rel=1e-12)
-    assert (m["skew_flight"].iloc[1:] - m["skew_tau"].iloc[1:]).abs().min() > 1e-3
-
-
-def test_a_graze_is_reported_and_ends_the_closure():
-    """Thrown against a constant pull with just the speed that reaches the wall: no derivative
-    exists there."""
-    for excess, grazes in ((1e-14, True), (1e-6, False)):
-        start = Start(0.0, 0.0, -1.0 - excess)
-        scene = Scene(
-            alpha=0.0, epsilon=0.9, beta1=0.0, gamma1=1.0, stages=1, sigma=0.01, start=start
-        )
-        m = mean_map(scene, impacts=2)
-        assert ("impact 1 grazes" in m.stopped) == grazes
-        assert (m.trace.found == 0) == grazes
-        assert m.section["tau"].isna().all() == grazes
+        assert (run.section["skew_tau"] / run.section["se_skew_tau"]).abs().max() > 7.5

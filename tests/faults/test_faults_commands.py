@@ -2,17 +2,11 @@
 half written."""
 
 import json
-import os
-import re
 import signal
-import subprocess
-import sys
-import time
-from pathlib import Path
 
 import pytest
 from commands import rattle, study
-from programs import python, surroundings
+from programs import python, start
 from small_disks import disk, make_read_only
 
 WRITERS = {
@@ -55,83 +49,36 @@ def test_the_table_of_simulate_on_a_full_disk(tmp_path):
     assert "is not a file" in rattle(f"{words} {tmp_path}", code=2).stderr
 
 
-ENDLESS = 600.0  # seconds in which any machine has loaded a library
+AT_WORK = """
+from rattle.compare.cli.main import main
+from rattle.scene import progress
+
+progress.QUIET = progress.BETWEEN = progress.LINE_TICK = 0.005
+main({words})
+"""
 LONG = {
-    "validate": "--paths 100000000",
-    "check order": "--paths 1000000",
-    "study": "study.toml",
-    "chaos": "",
+    "validate --paths 100000000": "of 100,000,000 paths",
+    "study study.toml": "of 4 cells",
+    "chaos": "exponents: ",
 }
+"""What each says while it is at work."""
 
 
-def used(process):
-    """Processor seconds of all threads of a process, of /proc/PID/stat: utime and stime."""
-    try:
-        text = Path(f"/proc/{process.pid}/stat").read_text(encoding="ascii")
-    except OSError:
-        return 0.0
-    fields = text.rpartition(")")[2].split()
-    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
-
-
-def wait_for_work(process, seconds):
-    """Wait until a process has used so many more seconds of processor time, or has ended: no busy
-    machine fails it."""
-    wanted = used(process) + seconds
-    while process.poll() is None and used(process) < wanted:
-        time.sleep(0.02)
-
-
-def begin(command, place):
-    """A command as a process; in `said` it lists what it has loaded."""
-    place.mkdir()
-    (place / "study.toml").write_text(study(impacts=2, paths=50_000_000, sigma=(0.1, 0.2)))
-    words = [sys.executable, "-X", "importtime", "-m", "rattle.compare.cli.main"]
-    with place.with_suffix(".txt").open("wb") as said:
-        return subprocess.Popen(
-            [*words, *command.split(), *LONG[command].split()],
-            cwd=place,
-            stdout=subprocess.DEVNULL,
-            stderr=said,
-            env=surroundings({}),
-        )
-
-
-def wait_for_json(process, said):
-    """Wait until a command itself has loaded json."""
-    begun = time.monotonic()
-    while not re.search(r"\| +json$", said.read_text(), re.M):
-        assert process.poll() is None
-        waited = time.monotonic() - begun
-        assert waited < ENDLESS, "json is not loaded any longer: wait for something else"
-        time.sleep(0.1)
-
-
-def test_an_interrupt_ends_a_command_soon(tmp_path):
-    """One of each kind, started at once and interrupted in turn; only the cells of a study are
-    left."""
-    running = {command: begin(command, tmp_path / command) for command in LONG}
-    try:
-        for command, process in running.items():
-            wait_for_json(process, tmp_path / f"{command}.txt")
-            process.send_signal(signal.SIGSTOP)
-        for command, process in running.items():
-            process.send_signal(signal.SIGCONT)
-            wait_for_work(process, 0.5)
-            assert process.poll() is None, command  # still at work
-            process.send_signal(signal.SIGINT)
-            process.wait(timeout=60)  # two seconds where the machine has nothing else to do
-            text = (tmp_path / f"{command}.txt").read_text()
-            lines = [line for line in text.splitlines() if not line.startswith("import time:")]
-            assert process.returncode == 130, lines
-            assert sum(line.startswith("rattle: interrupted") for line in lines) == 1
-            assert "Traceback" not in text
-            left = {path.name for path in (tmp_path / command).iterdir()}
-            assert left <= {"study.toml"} | ({"study"} if command == "study" else set())
-    finally:
-        for process in running.values():
-            process.kill()
-            process.wait()
+@pytest.mark.parametrize("command", LONG)
+def test_an_interrupt_ends_a_command_soon(command, tmp_path, monkeypatch):
+    """Only the cells of a study are left."""
+    (tmp_path / "study.toml").write_text(study(impacts=2, paths=50_000_000, sigma=(0.1, 0.2)))
+    monkeypatch.chdir(tmp_path)
+    with start("-c", AT_WORK.format(words=command.split())) as running:
+        said = [running.stderr.readline()]
+        while LONG[command] not in said[-1]:
+            said.append(running.stderr.readline())
+        running.send_signal(signal.SIGINT)
+        _, last = running.communicate()
+    assert running.returncode == 130, last
+    assert last.count("rattle: interrupted") == 1
+    assert "Traceback" not in last
+    assert {path.name for path in tmp_path.iterdir()} <= {"study.toml", "study"}
 
 
 @pytest.mark.usefixtures("undrawn")
@@ -182,7 +129,6 @@ def interrupt(function, words, folder):
     ("function", "said"),
     [
         ("compare.study.folder.write_page", NO_PAGE),
-        ("compare.study.design.combine", NO_PAGE),
         ("compare.engine.run.run", f"0 of 2 results stored; {STORED}"),
         ("compare.cli.study.say_lines", "all 2 results are stored, and their page is written"),
     ],

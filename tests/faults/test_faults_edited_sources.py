@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 from programs import install, python
 
-from rattle.compare.engine.store import Cell, Content, Store, numerical_version, open_store
+from rattle.compare.engine.store import Cell, Content, Store, numerical_version
 from rattle.compare.report.provenance import provenance
 from rattle.scene import OutputError, Scene, sources
 
@@ -199,13 +199,6 @@ def test_no_result_is_stored_under_the_version_of_sources_that_this_process_has_
     assert len(Number.computed) == 1
     numerical_version.cache_clear()
     assert numerical_version() == version
-
-
-def test_what_is_not_stored_goes_on_after_an_edit_and_all_goes_on_after_a_comment(edit, tmp_path):
-    edit("montecarlo/kernel/kernel.py", "# a comment\n")
-    Store(tmp_path / "cells").obtain(Number(SCENE))
-    edit("montecarlo/kernel/kernel.py", "touched = 1\n")
-    assert open_store(None).obtain(Number(SCENE)).table["number"].tolist() == [1.0]
 
 
 def test_no_manifest_names_a_commit_whose_sources_this_process_has_not_imported(edit):

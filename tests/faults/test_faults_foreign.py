@@ -8,10 +8,8 @@ from pathlib import Path
 
 import pytest
 from commands import rattle, study
-from studies import CELLS_FOLDER, LOG_FILE, obtain_all
+from studies import CELLS_FOLDER, LOG_FILE
 from test_faults_commands import WRITERS
-
-from rattle.scene import OutputError
 
 TEXT = study(paths=64)
 COMMITTED = Path(__file__).parents[2] / "reports"
@@ -84,36 +82,21 @@ def test_another_study_replaces_the_tables_of_the_first_only_if_asked_to(file, t
     assert json.loads((out / "manifest.json").read_text())["title"] == "other"
 
 
-def test_a_study_into_the_report_of_another_command(file, tmp_path):
-    shutil.copytree(COMMITTED / "chaos", out := tmp_path / "chaos")
-    before = everything(out)
-    assert "manifest.json" in rattle(f"study {file} --out {out}", code=2).stderr
-    assert everything(out) == before
-
-
-REPORTS = {
-    "validate": "dat21",
-    "tradeoff": "tradeoff",
-    "chaos": "chaos",
-    "check claims": "claims",
-}
-
-
 @pytest.mark.usefixtures("no_work")
 @pytest.mark.parametrize("command", WRITERS)
 @pytest.mark.parametrize("name", ["manifest.json", "page.json", "figures/mine.svg", "notes.txt"])
 def test_a_report_replaces_nothing_of_others(command, name, tmp_path):
-    """Not even with --overwrite: alone in the folder, or beside an earlier report."""
+    """Not even with --overwrite."""
     place(out := tmp_path / "out", name, '{"my": 1}')
     before = everything(out)
     words = f"{command} --overwrite {WRITERS[command]} {out}"
     assert "holds other things" in rattle(words, code=2).stderr
     assert everything(out) == before
-    if not name.endswith(".json"):
-        shutil.copytree(COMMITTED / REPORTS[command], out, dirs_exist_ok=True)
-        before = everything(out)
-        assert f"holds other things ({name.split('/')[0]}" in rattle(words, code=2).stderr
-        assert everything(out) == before
+    shutil.copytree(COMMITTED / "chaos", out, dirs_exist_ok=True)
+    place(out, "notes.txt", "mine")
+    before = everything(out)
+    assert "holds other things" in rattle(words, code=2).stderr
+    assert everything(out) == before
 
 
 SIMULATE = "simulate --paths 64 --impacts 1 --out"
@@ -153,13 +136,3 @@ def test_a_command_keeps_no_cells_among_files_of_others(name, tmp_path):
     said = rattle(f"chaos --no-sweep --out {tmp_path / 'out'}", code=2).stderr
     assert "is not a log of rattle" in said or "holds other things (mine)" in said
     assert everything(tmp_path) == {f"out-cells/{name}": b"theirs"}
-
-
-@pytest.mark.parametrize("name", [LOG_FILE, f"{CELLS_FOLDER}/mine"])
-def test_cells_beside_a_report_and_of_python(name, tmp_path):
-    """The folder in which a command or a function keeps its cells."""
-    place(tmp_path, name, "theirs")
-    with pytest.raises(OutputError, match=r"is not a log of rattle|holds other things \(mine\)"):
-        obtain_all([], tmp_path, 1)
-    assert (tmp_path / name).read_text() == "theirs"
-    assert not (tmp_path / CELLS_FOLDER / "locks").exists()

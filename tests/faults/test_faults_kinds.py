@@ -1,18 +1,16 @@
 """Entries that are no regular files, or have no end: nothing hangs, nothing fills the memory."""
 
 import os
-import shutil
 import socket
 import threading
 from contextlib import chdir
 
 import pytest
-from commands import rattle, study
+from commands import study
 from studies import CELLS_FOLDER, LOG_FILE, Runner, Store, run
 
-from rattle import Study, load_study
+from rattle import Study
 from rattle.compare.report.manifest import read_settings
-from rattle.compare.study.folder import is_current
 from rattle.scene import FileError, OutputError, Scene
 from rattle.scene import files as module
 
@@ -47,14 +45,6 @@ def wanted():
 @pytest.fixture
 def store(tmp_path):
     return Store(tmp_path / CELLS_FOLDER)
-
-
-@pytest.fixture(scope="module")
-def once(tmp_path_factory):
-    file = tmp_path_factory.mktemp("s") / "s.toml"
-    file.write_text(study())
-    rattle(f"study {file}")
-    return file.with_suffix("")
 
 
 @pytest.mark.parametrize("kind", ENDLESS)
@@ -97,18 +87,6 @@ def test_such_a_log_is_refused_before_any_work(kind, wanted, store, tmp_path):
     said = r"study.log': exists and is not|study.log': .*choose another place"
     with pytest.raises(OutputError, match=said):
         run(wanted.cells, store, Runner(1))
-
-
-@pytest.mark.parametrize("kind", ENDLESS)
-@pytest.mark.parametrize("name", ["manifest.json", "errors.parquet", "study.md"])
-def test_such_a_file_of_a_finished_study_is_damaged(kind, name, once, wanted, tmp_path):
-    shutil.copytree(once, folder := tmp_path / "s")
-    (folder / name).unlink()
-    ENDLESS[kind](folder / name)
-    assert is_current(wanted, folder) is None
-    if name != "study.md":
-        with pytest.raises(FileError, match=r"holds no finished study|is damaged"):
-            load_study(folder)
 
 
 @pytest.mark.parametrize("kind", ENDLESS)

@@ -48,30 +48,6 @@ def in_the_background(work):
     return thread, found
 
 
-def test_whoever_waits_for_a_cell_says_for_whom(store):
-    cell = CELLS[1]
-    said = []
-    heard = threading.Event()
-
-    def say(text):
-        said.append(text)
-        heard.set()
-
-    with locked_elsewhere(store, [cell]) as number:
-        waiting, found = in_the_background(lambda: store.obtain(cell, type(cell).compute, say))
-        assert heard.wait(LONG)
-        assert not found
-    waiting.join(LONG)
-    assert found
-    (text,) = said
-    at = r"\d{4}-\d\d-\d\d \d\d:\d\d:\d\d"
-    assert re.fullmatch(
-        rf"waiting for process {number} on {re.escape(platform.node())} since {at}, "
-        rf"at work on {re.escape(cell.label)}; continues when it finishes",
-        text,
-    )
-
-
 def test_a_study_whose_cells_are_in_other_hands_says_so_once(store, monkeypatch):
     """Also with more cells than threads."""
     heard = threading.Event()
@@ -89,7 +65,9 @@ def test_a_study_whose_cells_are_in_other_hands_says_so_once(store, monkeypatch)
     waiting.join(LONG)
     assert found[0].computed == len(CELLS) == 2
     (text,) = said
-    assert f"process {number} on " in text
+    at = r"\d{4}-\d\d-\d\d \d\d:\d\d:\d\d"
+    there = f"process {number} on {re.escape(platform.node())}"
+    assert re.search(f"waiting for {there} since {at}, at work on .*; continues when it", text)
     assert text in (store.folder.parent / "study.log").read_text()
 
 

@@ -74,19 +74,6 @@ def rooms(graph: dict[str, set[str]], package: str) -> dict[str, set[str]]:
     return found
 
 
-def floors(graph: dict[str, set[str]]) -> int:
-    """How many stand above each other, if each is above all that it imports; for a graph without
-    circles."""
-    known: dict[str, int] = {}
-    while len(known) < len(graph):
-        known |= {
-            name: 1 + max((known[target] for target in targets), default=0)
-            for name, targets in graph.items()
-            if targets <= known.keys()
-        }
-    return max(known.values())
-
-
 def rows() -> Iterator[tuple[str, int, int, int, int]]:
     """For each package and for all: modules, lines, lines of code, lines of docstrings."""
     counts = []

@@ -1,6 +1,5 @@
 """A headless Chromium, controlled by the DevTools protocol over a pair of pipes."""
 
-import base64
 import json
 import os
 import select
@@ -143,8 +142,3 @@ class Browser:
                 windowsVirtualKeyCode=code,
                 **text,
             )
-
-    def picture(self, path, whole=True):
-        """Save what is seen, or the whole page, as PNG."""
-        found = self.call("Page.captureScreenshot", captureBeyondViewport=whole)
-        Path(path).write_bytes(base64.b64decode(found["data"]))

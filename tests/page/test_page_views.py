@@ -82,11 +82,6 @@ def test_all_three_views_say_everything(text, tmp_path):
             assert squeezed(line(words)).replace("`", "") in seen, (view, words)
 
 
-def test_what_is_left_out_would_be_noticed(tmp_path):
-    shown = squeezed("\n".join(terminal(sample(), tmp_path)))
-    assert not all(squeezed(words) in shown for words in said(sample("another text")))
-
-
 def tags(text, folder):
     """The tags of the sample except those of code, which a text may contain between backticks."""
     return [

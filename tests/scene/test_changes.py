@@ -37,13 +37,6 @@ def test_the_rest_stays_as_it_was_typed(name, value, alpha):
     assert mm[1] == pytest.approx(mm[0], rel=1e-15)
 
 
-def test_alpha_as_it_was_typed_and_the_motion_in_mm():
-    scene = Scene.from_gears(DAT21)
-    assert scene.with_gears(torque1=120.0).alpha == 1.5  # to the last bit
-    assert scene.with_gears(backlash1=0.4).alpha == pytest.approx(0.75, rel=1e-15)
-    assert scene.with_gears(backlash1=0.4, alpha=2.0).alpha == 2.0
-
-
 def test_a_start_on_a_flank_stays_on_it_and_any_other_where_it_is():
     mine = Scene.from_gears(DAT21, start=Start(1.0, 0.1, -0.3, -0.5, 0.2))
     wider = mine.with_gears(backlash2=0.4).start

@@ -21,7 +21,7 @@ SPARSE = (
 
 
 @pytest.mark.parametrize("orders", [ORDERS, SPARSE])
-@pytest.mark.parametrize("t", [1e-3, 0.05, 0.7, 9.0])
+@pytest.mark.parametrize("t", [1e-3, 9.0])
 def test_a_noise_free_flight_is_that_of_an_ode_solver(orders, t):
     scene = replace(THREE, gap1=1e3, gap2=1e3, start=Start(0.4, *STATE), drive=orders)
     exact = gearbox(scene.constants, orders).fly(0.4, STATE, t)
@@ -31,8 +31,8 @@ def test_a_noise_free_flight_is_that_of_an_ode_solver(orders, t):
     assert wrong != pytest.approx(exact, rel=1e-12, abs=1e-12)
 
 
-@pytest.mark.parametrize("t", [0.02, 0.4])
-def test_the_noise_of_a_flight_has_the_covariance_of_the_linear_system(t):
+def test_the_noise_of_a_flight_has_the_covariance_of_the_linear_system():
+    t = 0.4
     start = THREE.start.tau
     exact = gearbox(THREE.constants, ORDERS).covariance(start, np.zeros((4, 4)), t)
     sd = np.sqrt(exact.diagonal())
@@ -55,25 +55,23 @@ GEARS = (
 GEARS += "[scene]\nstages = 1\n"
 
 
-def test_amplitudes_may_be_given_on_the_pitch_circle_or_as_angles():
-    alpha = GEARS.replace("omega", "alpha = 1.5\nomega")
-    relative = Scene.from_toml(
-        alpha + "[[drive]]\norder = 1\namplitude = 1.0\n[[drive]]\norder = 2\namplitude = 0.5\n"
+@pytest.mark.parametrize(
+    ("gears", "amplitude", "values"),
+    [
+        ("alpha = 1.5", "amplitude", (1.0, 0.5)),
+        ("alpha = 1.5", "amplitude_mm", (0.3, 0.15)),
+        ("", "amplitude_mm", (0.3, 0.15)),
+        ("driver_radius = 30.0", "amplitude_rad", (0.01, 0.005)),
+    ],
+)
+def test_amplitudes_may_be_given_on_the_pitch_circle_or_as_angles(gears, amplitude, values):
+    orders = (
+        f"[[drive]]\norder = {order}\n{amplitude} = {value}\n"
+        for order, value in enumerate(values, 1)
     )
-    assert relative.drive == (Order(1), Order(2, 0.5))
-    in_mm = (
-        "[[drive]]\norder = 1\namplitude_mm = 0.3\n[[drive]]\norder = 2\namplitude_mm = 0.15\nphase"
-        " = 0.1\n"
-    )
-    assert Scene.from_toml(GEARS + in_mm).alpha == pytest.approx(1.5)
-    assert Scene.from_toml(GEARS + in_mm).drive[1] == Order(2, 0.5, 0.1)
-    assert Scene.from_toml(GEARS + in_mm).drive[0] == Order(1)
-    assert [o.amplitude for o in Scene.from_toml(alpha + in_mm).drive] == pytest.approx([1.0, 0.5])
-    in_rad = in_mm.replace("amplitude_mm = 0.3", "amplitude_rad = 0.01").replace(
-        "amplitude_mm = 0.15", "amplitude_rad = 0.005"
-    )
-    radius = GEARS.replace("omega", "driver_radius = 30.0\nomega")
-    assert Scene.from_toml(radius + in_rad).drive[1].amplitude == pytest.approx(0.5)
+    scene = Scene.from_toml(GEARS.replace("omega", f"{gears}\nomega") + "".join(orders))
+    assert scene.alpha == pytest.approx(1.5)
+    assert [o.amplitude for o in scene.drive] == pytest.approx([1.0, 0.5])
 
 
 ONE = "[scene]\nalpha = 1.0\nepsilon = 0.5\nbeta1 = 0.1\ngamma1 = 0.1\nstages = 1\n"

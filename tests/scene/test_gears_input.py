@@ -137,37 +137,23 @@ def test_a_single_stage_needs_no_second_wheel_and_invents_none():
         Scene.from_toml(FIRST + "[gears.tolerance]\nbacklash2 = 0.1\n[scene]\nstages = 1")
 
 
-def test_a_slip_in_a_single_stage_is_named_by_itself():
-    with pytest.raises(InputError, match=r"scene = 'stage': unknown key; did you mean 'stages'\?"):
-        Scene.from_toml(FIRST + "[scene]\nstage = 1")
-    with pytest.raises(InputError, match=r"gears = \['inertia1'\]: these keys are missing$"):
-        Scene.from_toml(FIRST.replace("inertia1", "#") + "[scene]\nstages = 1")
-
-
-def test_the_mean_speed_adds_what_damping_takes_to_the_drag():
+@pytest.mark.parametrize("given", ["speed_rad_s = 80.0", f"speed_rpm = {2400.0 / math.pi!r}"])
+def test_the_mean_speed_adds_what_damping_takes_to_the_drag(given):
     """d Omega_i of each wheel at its own speed: R_i Omega_i is the same on all pitch circles."""
-    speed = 80.0
-    radius = 30.0
-    speed1 = speed * radius / DAT21.radius1
-    speed2 = speed1 * DAT21.radius1 / DAT21.radius2
-    for drive in ("amplitude = 0.3", "alpha = 1.5", "amplitude_rad = 0.01"):
-        for given in ("speed_rad_s = 80.0", f"speed_rpm = {80.0 * 30.0 / math.pi!r}"):
-            gears = Scene.from_toml(f"{TEXT}{drive}\ndriver_radius = 30.0\n{given}").gears
-            assert gears.torque1 == pytest.approx(100.0 + 100.0 * speed1, rel=1e-14)
-            assert gears.torque2 == pytest.approx(50.0 + 100.0 * speed2, rel=1e-14)
-            assert gears.damping1 == DAT21.damping1
-    single = Scene.from_toml(
-        FIRST + "driver_radius = 30.0\nspeed_rad_s = 80.0\n[scene]\nstages = 1"
-    )
-    assert single.gears.torque1 == pytest.approx(100.0 + 100.0 * speed1, rel=1e-14)
+    gears = Scene.from_toml(f"{TEXT}amplitude = 0.3\ndriver_radius = 30.0\n{given}").gears
+    rim = 80.0 * 30.0
+    assert gears.torque1 == pytest.approx(100.0 + 100.0 * rim / DAT21.radius1, rel=1e-14)
+    assert gears.torque2 == pytest.approx(50.0 + 100.0 * rim / DAT21.radius2, rel=1e-14)
+    assert gears.damping1 == DAT21.damping1
+    single = Scene.from_toml(f"{FIRST}driver_radius = 30.0\n{given}\n[scene]\nstages = 1")
+    assert single.gears.torque1 == gears.torque1
     assert Scene.from_toml(single.to_toml()).gears == single.gears  # added once
 
 
-def test_a_pair_takes_ten_lines_and_says_which_are_missing(tmp_path):
+def test_what_acts_on_no_wheel_is_left_out_and_what_is_missing_is_named():
     lines = [line for line in TEXT.splitlines() if not re.match(r"backlash2|damping|torque", line)]
     lines.append("alpha = 1.5")
-    assert len(lines) <= 10
-    scene = Scene.load(written(tmp_path, "\n".join(lines)))
+    scene = Scene.from_toml("\n".join(lines))
     plain = replace(DAT21, damping1=0.0, damping2=0.0, torque1=0.0, torque2=0.0)
     assert scene.tree == Scene.from_gears(plain).tree
     assert Scene.from_toml(scene.to_toml()).gears == plain
@@ -192,16 +178,11 @@ def load_changed(tmp_path, changes):
             "gears.inertia1",
             "the unit is kg mm^2: if 0.004 is in kg m^2, write 4000",
         ),
-        ({"inertia2": 0.0025}, "gears.inertia2", "write 2500"),
         ({"radius1": 0.041}, "gears.radius1", "the unit is mm: if 0.041 is in m, write 41"),
-        ({"radius2": 0.12}, "gears.radius2", "if 0.12 is in m, write 120"),
-        ({"radius1": 0.5}, "gears.radius1", "write 500"),
         ({"backlash2": 0.0002}, "gears.backlash2", "if 0.0002 is in m, write 0.2"),
         ({"backlash1": 200.0}, "gears.backlash1", "if 200 is in um, write 0.2"),
-        ({"inertia1": 4e12 / 5}, "gears.inertia1", "kg mm^2"),
         ({"omega": 1e9}, "gears.omega", "faster than sound"),
         ({"torque1": 0.5}, "gears.torque1", "the unit is N mm: if 0.5 is in N m, write 500"),
-        ({"torque2": 0.1}, "gears.torque2", "write 100"),
         ({"alpha": 300.0}, "gears.alpha", "swings the driver's pitch circle by 60 mm"),
     ],
 )
@@ -217,13 +198,8 @@ def test_gears_that_cannot_be_are_questioned_in_the_users_unit(
 @pytest.mark.parametrize(
     "changes",
     [
-        {},
-        {"backlash1": 0.002, "backlash2": 0.002},
-        {"inertia1": 40.0},
         {"inertia1": 4e7, "torque1": 1e5},
         {"omega": 1e5},
-        {"damping1": 0.0, "torque1": 0.0},
-        {"radius1": 400.0, "inertia1": 1e7, "torque1": 1e4},
         {
             "radius1": 0.3,
             "radius2": 0.2,
@@ -275,11 +251,12 @@ def test_what_follows_from_gears_is_refused_by_their_fields(changes, field, para
     ("make", "words"),
     [
         (lambda: Scene(alhpa=1.0), "Scene = 'alhpa': unknown key; did you mean 'alpha'?"),
+        (lambda: Scene.from_gears(DAT21, sigm=0.1), "did you mean 'sigma'?"),
+        (lambda: Scene.from_gears(DAT21, beta1=0.1), "from_gears = 'beta1': unknown key"),
         (lambda: Start(tua=1.0), "did you mean 'tau'?"),
         (lambda: Tolerance(c1_mx=0.1), "did you mean 'c1_max'?"),
         (lambda: Gears(omgea=1.0), "did you mean 'omega'?"),
         (lambda: Gears(amplitude=1.0), "give it to Gears.driven"),
-        (lambda: Gears(speed_rpm=1.0), "give it to Gears.driven"),
         (lambda: replace(DAT21, omgea=1.0), "did you mean 'omega'?"),
     ],
 )
@@ -296,7 +273,6 @@ def test_an_unknown_keyword_suggests_the_nearest(make, words):
             "[scene]\nalpha = 1.5\nepsilon = 2\nbeta1 = 0.1\ngamma1 = 0.0\nmu = 0.5\n",
             "line 3: epsilon = 2",
         ),
-        ("[scene]\nalhpa = 1.5\n", "line 2: scene = 'alhpa'"),
         ("[scene]\nalpha = 1.5\n", "mine.toml: scene = ['epsilon'"),
         (TEXT + "alpha = 1.5\n[scene.start]\n\ny1 = 'fast'", "line 17: start.y1 = 'fast'"),
         (
@@ -317,11 +293,6 @@ def test_an_unknown_keyword_suggests_the_nearest(make, words):
         (
             TEXT + "amplitude_rad = 2.8\ndriver_radius = 30.0",
             "if 2.8 is in degrees, write 0.0488692",
-        ),
-        (TEXT + "amplitude = 300.0", "line 14: gears.amplitude = 300.0: swings"),
-        (
-            TEXT.replace("torque1 = 100.0", "torque1 = 0.5") + "alpha = 1.5",
-            "gears.torque1 = 0.5: is less than",
         ),
     ],
 )

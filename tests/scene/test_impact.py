@@ -29,7 +29,6 @@ SCENES = {
         gap1=0.2,
         gap2=1.1,
     ),
-    "single stage": Scene(alpha=2.0, epsilon=0.6, beta1=0.1, gamma1=0.3, stages=1),
     "strong damping": Scene(
         alpha=3.0, epsilon=0.5, beta1=4.0, beta2=9.0, gamma1=1.0, gamma2=6.0, mu=0.8, gap2=0.05
     ),
@@ -49,7 +48,7 @@ def test_the_first_impact_is_the_first_crossing_of_an_integrator(name):
     scene = SCENES[name]
     box = gearbox(scene.constants)
     rng = np.random.default_rng(5)
-    for _ in range(80):
+    for _ in range(40):
         tau = rng.uniform(0, 2 * math.pi)
         state = rng.uniform(-1, 1, 2 * scene.stages)
         state[::2] *= scene.windows
@@ -68,35 +67,7 @@ def test_the_first_impact_is_the_first_crossing_of_an_integrator(name):
         assert there == pytest.approx(expected[3], rel=0, abs=1e-10 + 1e-10 / speed)
 
 
-TURN = 2.0  # tau of the turning point: x1'' = about -1.4 there, so x1 is highest
-EARLIER = 0.4
-WIDE = replace(DAT, gears=None, gap1=1e3, gap2=1e3, start=Start())
-
-
-def turning_state(x1):
-    """The state a time earlier than a turning point of x1 (x2 in the middle, at rest)."""
-
-    def fly(state):
-        scene = replace(WIDE, start=Start(TURN - EARLIER, *state))
-        return follow(scene, 1).state(TURN)
-
-    flown = fly(np.zeros(4))
-    matrix = np.transpose([fly(unit) - flown for unit in np.eye(4)])
-    return np.linalg.solve(matrix, [x1, 0.0, 0.0, 0.0] - flown)
-
-
-@pytest.mark.parametrize("duration", [1e-3, 1e-4, 1e-5, 1e-6])
-def test_a_short_excursion_under_the_excitation_is_met(duration):
-    bend = DAT.alpha * (math.sin(TURN) - DAT.beta1 * math.cos(TURN)) - DAT.gamma1
-    state = turning_state(DAT.gap1 + bend * duration**2 / 8)
-    t, mesh, side, there = first_impact(DAT, TURN - EARLIER, state)
-    assert (mesh, side) == (1, 1)
-    # x1 rounds to 1e-16, over the bend and the duration: 1e-10 against 1e-6
-    assert t == pytest.approx(EARLIER - 0.5 * duration, rel=0, abs=1e-2 * duration)
-    assert there[1] == pytest.approx(0.5 * bend * duration, rel=1e-2)
-
-
-@pytest.mark.parametrize("speed", [1.0, 1e-2, 1e-4, 1e-6])
+@pytest.mark.parametrize("speed", [1.0, 1e-6])
 @pytest.mark.parametrize("mesh", [1, 2])
 def test_the_same_wall_is_struck_twice_in_a_row(speed, mesh):
     drag = 3.0
@@ -112,41 +83,20 @@ def test_the_same_wall_is_struck_twice_in_a_row(speed, mesh):
     assert abs(there[2 * mesh - 1]) == pytest.approx(speed, rel=1e-7)
 
 
-def test_the_paper_s_orbit_is_that_of_an_integrator_with_events():
-    box = gearbox(DAT.constants)
-    orbit = follow(DAT, 12)
-    tau = 0.0
-    state = box.restitution(1) @ (0.5, 2.0, 0.5, 2.0)
-    for k in range(1, 13):
-        t, mesh, side, before = box.first_crossing(tau, state, 20.0)
-        tau = tau + t
-        state = box.restitution(mesh) @ before
-        assert (orbit.mesh[k], orbit.side[k]) == (mesh, side)
-        # 1e-13 of the integrator, stretched by the divergence of a chaotic orbit over 12 impacts
-        assert orbit.tau[k] == pytest.approx(tau, rel=0, abs=1e-9)
-        assert orbit.before[k] == pytest.approx(before, rel=0, abs=1e-9)
-        assert orbit.after[k] == pytest.approx(state, rel=0, abs=1e-9)
+@pytest.mark.parametrize("duration", [1e-3, 1e-6])
+def test_a_short_excursion_beyond_a_wall_is_met(duration):
+    """x1 is thrown down against a pull, and would be beyond the wall for that time."""
+    drag = 3.0
+    scene = still(gamma1=drag, gamma2=drag)
+    speed = math.sqrt(2.0 * drag * (0.9 + drag * duration**2 / 8.0))
+    t, mesh, side, there = first_impact(scene, 0.3, (0.4, -speed, 0.1, 0.0))
+    assert (mesh, side) == (1, -1)
+    # x1 rounds to 1e-16, over the pull and the duration: 1e-10 against 1e-6
+    assert t == pytest.approx(speed / drag - 0.5 * duration, rel=0, abs=1e-2 * duration)
+    assert there[1] == pytest.approx(-0.5 * drag * duration, rel=1e-2)
 
 
-def test_an_orbit_without_the_mesh_2_impact_rule_is_distinguished():
-    """Eq. 10 applied after every impact, as the paper has it, leaves the true orbit at its first
-    mesh-2 impact."""
-    orbit = follow(DAT, 12)
-    everywhere = gearbox(DAT.constants).restitution(1)
-    k = int(np.flatnonzero(orbit.mesh == 2)[0])
-    assert abs(everywhere @ orbit.before[k] - orbit.after[k]).max() > 0.1
-
-
-def test_the_misprinted_damping_of_stage_2_is_distinguished():
-    """-beta_1 y_2, as Eqs. 3 and 5 have it."""
-    orbit = follow(DAT, 2)
-    misprinted = gearbox(DAT.constants)
-    misprinted.damping[1, 1] = DAT.beta1
-    wrong = misprinted.fly(orbit.tau[1], orbit.after[1], orbit.tau[2] - orbit.tau[1])
-    assert abs(wrong - orbit.before[2]).max() > 1e-3
-
-
-@pytest.mark.parametrize("k", [1, 5, 9])
+@pytest.mark.parametrize("k", [1, 5])
 def test_an_orbit_restarted_at_its_own_impact_repeats_itself(k):
     orbit = follow(DAT, 12)
     start = Start(orbit.tau[k], *orbit.before[k], mesh=int(orbit.mesh[k]))

@@ -77,23 +77,6 @@ def test_a_scene_file_takes_drive_and_noise_from_the_file_beside_it(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("settings", "message"),
-    [
-        ({}, "gears.omega = None: give the frequency"),
-        ({"omega": 1.3 * OMEGA}, "is not in the file"),
-        ({"periods": 19, "omega": OMEGA}, "periods = 19: would be a frequency of"),
-        ({"omega": OMEGA, "highest_order": 0}, "highest_order = 0"),
-    ],
-)
-def test_bad_settings_are_refused(settings, message):
-    with pytest.raises(InputError, match=message):
-        measure_drive(noisy(3, 0.0, periods=20), **settings)
-    assert measure_drive(noisy(3, 0.0, periods=20), periods=20).omega == pytest.approx(
-        OMEGA, rel=1e-3
-    )
-
-
-@pytest.mark.parametrize(
     ("text", "message"),
     [
         ("[drive]\nfile = 'no.csv'" + GEARS, "cannot be read"),
@@ -111,13 +94,6 @@ def test_bad_scene_files_are_refused(text, message, tmp_path):
     (tmp_path / "gears.toml").write_text(text)
     with pytest.raises(InputError, match=message):
         Scene.load(tmp_path / "gears.toml")
-
-
-def test_a_motion_in_rad_needs_the_radius_of_the_driver():
-    with pytest.raises(
-        InputError, match="driver_radius = None: give it, in mm, for a drive in rad/s"
-    ):
-        measure_drive(noisy(3, 0.0).replace("mm/s", "rad/s"), omega=OMEGA)
 
 
 def test_the_command_writes_its_page_and_refuses_a_scene_without_a_measurement(tmp_path):
@@ -164,7 +140,6 @@ def assert_exact(found, amplitude=0.3, order=1):
 @pytest.mark.parametrize(
     ("quantity", "extra"),
     [
-        ("displacement", 80.0 * 30.0 * TIMES),
         ("displacement", 5.0 * TIMES**2 - 3.0),
         ("displacement", 2.0 * np.sin(2.0 * TIMES)),
         ("speed", 100.0 * TIMES + 2000.0),
@@ -181,7 +156,7 @@ def test_what_moves_slowly_is_no_order(quantity, extra):
 
 @pytest.mark.parametrize(
     ("per_turn", "speeds", "wrap"),
-    [(1, (700.0, 900.0), math.inf), (2, (900.0, 700.0), 360.0), (2, (300.0, 1200.0), math.inf)],
+    [(1, (300.0, 1200.0), math.inf), (2, (900.0, 700.0), 360.0)],
 )
 def test_over_the_angle_the_mean_speed_may_change(per_turn, speeds, wrap):
     angle = np.arange(0.0, 360.0 * 60, 2.0)
@@ -206,11 +181,10 @@ def teeth(number=60, turns=100):
     ("quantity", "times"),
     [
         ("displacement", np.cumsum(2.5e-4 * np.linspace(1.0, 2.0, 8000))),
-        ("acceleration", TIMES + 2.5e-6 * np.random.default_rng(1).normal(size=8000)),
         ("acceleration", np.delete(TIMES, np.arange(5, 8000, 60))),
         ("speed", teeth()),
     ],
-    ids=["doubling", "jitter", "missing-teeth", "teeth"],
+    ids=["doubling", "missing-teeth", "teeth"],
 )
 def test_the_times_are_used_as_they_are(quantity, times):
     found = measure_drive(measure(OMEGA2, SINE, times, quantity=quantity), omega=OMEGA2)
@@ -224,8 +198,6 @@ def test_the_times_are_used_as_they_are(quantity, times):
         ("displacement", 0.5, 2, 0.0),
         ("speed", 1.5, 2, 0.02),
         ("acceleration", 1 / 3, 3, 0.0),
-        ("displacement", 2 / 3, 3, 0.02),
-        ("speed", 1.25, 4, 0.0),
     ],
 )
 def test_an_order_between_whole_ones_is_named_and_no_noise(quantity, order, cycle, ratio):
@@ -237,7 +209,6 @@ def test_an_order_between_whole_ones_is_named_and_no_noise(quantity, order, cycl
     )
     said = next(remark for remark in found.remarks if "repeats only after" in remark)
     assert f"after {cycle} periods" in said
-    assert f"order {order:.3g} 0.02 mm" in said or ratio > 0.0
     assert f"order {order:.3g} " in said
     assert [one.order for one in found.drive] == [1]
     assert found.sigma_ratio == pytest.approx(ratio, rel=4.0 * ERROR, abs=1e-5)
@@ -245,13 +216,12 @@ def test_an_order_between_whole_ones_is_named_and_no_noise(quantity, order, cycl
         assert found.left_out == pytest.approx(0.02 * order**2 / 0.3, rel=0.02)
 
 
-@pytest.mark.parametrize("power", [0, 1, 2])
 @pytest.mark.parametrize(
-    ("rows", "ratio", "jump"),
+    ("power", "rows", "ratio", "jump"),
     [
-        ([4000], 0.02, 1.5),
-        ([100, 900, 4000, 5000, 7000], 0.0, 0.05),
-        ([4000, 4001, 4002], 0.0, 1e6),
+        (0, [4000], 0.02, 1.5),
+        (1, [100, 900, 4000, 5000, 7000], 0.0, 0.05),
+        (2, [4000, 4001, 4002], 0.0, 1e6),
     ],
 )
 def test_bad_samples_are_named_and_decide_nothing(power, rows, ratio, jump):
@@ -299,9 +269,8 @@ def drifting(power, ratio, wave, seed=1):
     [
         (0, 0.03, 0.005 * (TIMES - 1.0)),
         (1, 0.0, 0.005 * np.sin(math.pi * TIMES)),
-        (2, 0.03, 0.02 * (TIMES - 1.0)),
     ],
-    ids=["ramp", "swing", "2%"],
+    ids=["ramp", "swing"],
 )
 def test_a_drifting_frequency_is_no_noise(power, ratio, wave):
     found = measure_drive(drifting(power, ratio, wave), omega=OMEGA2)
@@ -312,16 +281,13 @@ def test_a_drifting_frequency_is_no_noise(power, ratio, wave):
     assert [float(said[1]), float(said[2])] == pytest.approx(limits, rel=1e-4 + 0.05 * ratio)
 
 
-@pytest.mark.parametrize(("exact", "stated"), [(50.5, 50), (50.0, 51), (20.4, 20), (99.0, 100)])
+@pytest.mark.parametrize(("exact", "stated"), [(50.5, 50), (99.0, 100)])
 def test_a_wrong_number_of_periods_is_corrected_and_said(exact, stated):
     times = np.arange(round(exact * 2.0 * math.pi / OMEGA2 / 2.5e-4)) * 2.5e-4
     found = measure_drive(measure(OMEGA2, SINE, times), periods=stated)
     assert_exact(found)
     assert found.omega == pytest.approx(OMEGA2, rel=1e-6)
     assert f"The file has {exact:.4g} periods, not the {stated}"[:20] in found.remarks[-1]
-    wrong = stated * 7 // 10
-    with pytest.raises(InputError, match=f"drive.periods = {wrong}: is not in the file"):
-        measure_drive(measure(OMEGA2, SINE, times), periods=wrong)
 
 
 def measure_often(quantity, ratio, seeds):
@@ -350,8 +316,9 @@ def test_the_interval_holds_in_a_few(quantity):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("ratio", [0.02, 0.15, 0.5])
-@pytest.mark.parametrize("quantity", QUANTITIES)
+@pytest.mark.parametrize(
+    ("quantity", "ratio"), [("displacement", 0.02), ("speed", 0.15), ("acceleration", 0.5)]
+)
 def test_the_interval_holds_for_each_quantity(quantity, ratio):
     assert_coverage(quantity, ratio, 100)
 
@@ -368,10 +335,34 @@ def test_noise_of_the_measurement_is_none_of_the_drive(quantity):
     assert np.mean([one.high for one in found]) < 2.0 * floor
 
 
-def test_a_file_without_a_motion_is_refused():
-    with pytest.raises(InputError, match=r"displacement = 3\.0: is the same in all rows"):
-        measure_drive(write(TIMES, 0.0 * TIMES + 3.0), omega=OMEGA2)
-    with pytest.raises(InputError, match="is not in the file"):
-        measure_drive(write(TIMES, 80.0 * TIMES), omega=OMEGA2)
-    with pytest.raises(InputError, match="is not in the file"):
-        measure_drive(write(TIMES, np.random.default_rng(1).normal(size=8000)), omega=OMEGA2)
+CLEAN = noisy(3, 0.0, periods=20)
+
+
+@pytest.mark.parametrize(
+    ("text", "settings", "message"),
+    [
+        (CLEAN, {}, "gears.omega = None: give the frequency"),
+        (CLEAN, {"omega": 1.3 * OMEGA}, "is not in the file"),
+        (measure(OMEGA2, SINE, TIMES), {"periods": 66}, "drive.periods = 66: is not in the file"),
+        (CLEAN, {"omega": OMEGA, "periods": 19}, "periods = 19: would be a frequency of"),
+        (CLEAN, {"omega": OMEGA, "highest_order": 0}, "highest_order = 0"),
+        (
+            CLEAN.replace("mm/s", "rad/s"),
+            {"omega": OMEGA},
+            "driver_radius = None: give it, in mm, for a drive in rad/s",
+        ),
+        (
+            write(TIMES, 0.0 * TIMES + 3.0),
+            {"omega": OMEGA},
+            r"displacement = 3\.0: is the same in all rows",
+        ),
+        (
+            write(TIMES, np.random.default_rng(1).normal(size=8000)),
+            {"omega": OMEGA2},
+            "is not in the file",
+        ),
+    ],
+)
+def test_what_holds_no_such_motion_is_refused(text, settings, message):
+    with pytest.raises(InputError, match=message):
+        measure_drive(text, **settings)

@@ -26,7 +26,6 @@ HEAD = "time [s],displacement [mm]"
         lambda text: text.replace("\n", ",\n"),
         lambda text: text.replace(",", ";").replace("\n", ";;\n"),
         lambda text: text.replace(HEAD, '"time [s]","displacement [mm]"'),
-        lambda text: "".join('"' + line.replace(",", '","') + '"\n' for line in text.splitlines()),
         lambda text: "".join(
             '"' + line.replace(".", "@").replace(",", '";"').replace("@", ",") + '"\n'
             for line in text.splitlines()

@@ -1,7 +1,6 @@
 """What long work says of itself: order and content, never how long it took."""
 
 import io
-import json
 import re
 import sys
 import threading
@@ -61,13 +60,6 @@ def test_a_command_says_what_it_does_before_it_answers():
         said, _ = held.communicate("\n")
     assert re.search(r"rattle: holding: 1 of 4 stones, about [\d.]+ (ms|s|minutes) left$", seen[-1])
     assert said == "answer\n"
-
-
-def test_a_simulation_in_a_pipe_says_how_far_it_is_and_its_json_stays_json():
-    words = ["simulate", "--sigma", "0.1", "--paths", "100_000", "--impacts", "4", "--json"]
-    done = python("-c", RUN.format(words=words))
-    assert re.search(r"rattle: simulating: [\d,]+ of 100,000 paths, about .* left", done.stderr)
-    assert json.loads(done.stdout)["paths"] == 100_000
 
 
 def test_no_bar_is_left_where_an_answer_is_printed_on_a_terminal():

@@ -4,101 +4,17 @@ import math
 from dataclasses import replace
 
 import numba
-import numpy as np
 import pytest
-from oracle import gearbox
 from scenes import STICKING
-from scipy.integrate import solve_ivp
 
-from rattle import InputError, Order, follow, mean_map, rattle_threshold
+from rattle import Order, follow, mean_map, rattle_threshold
 from rattle.scene import DAT21, Gears, Scene, Start
 
 COMPILED = pytest.mark.skipif(
     bool(numba.config.DISABLE_JIT), reason="takes minutes with the compiler off"
 )
 
-SINGLE, FIRST, SECOND, BOTH = STICKING.values()
-
-
-def sticking_of(scene, mesh, impacts, least=0.02):
-    """The orbit, and its first sticking phase at a mesh of at least that duration."""
-    orbit = follow(scene, impacts)
-    return orbit, next(r for r in orbit.sticking if r.mesh == mesh and r.opened - r.closed > least)
-
-
-def spring_and_damper(epsilon, stiffness):
-    """Damping at which a unit mass leaves a spring with epsilon of its speed."""
-    log = math.log(epsilon)
-    return -2.0 * log / math.hypot(math.pi, log) * math.sqrt(stiffness)
-
-
-def compliant(c, tau, state, until, stiffness):
-    """Solution from a state, with contact forces in the proportions of the impact rules
-    (docs/model.md section 3)."""
-    damping = [spring_and_damper(e, stiffness) for e in c.wheels["epsilon"]]
-
-    def push(x, y, wall, damping):
-        beyond = x - math.copysign(wall, x)
-        return -(stiffness * beyond + damping * y) if beyond * x > 0.0 else 0.0
-
-    box = gearbox(c)
-
-    def rate(time, s):
-        out = box.rates(time, s)
-        pushes = list(map(push, s[::2], s[1::2], box.gaps, damping))
-        out[1::2] += box.effect @ pushes
-        return out
-
-    return solve_ivp(
-        rate,
-        (tau, until),
-        state,
-        method="DOP853",
-        rtol=1e-9,
-        atol=1e-12,
-        max_step=10.0 / math.sqrt(stiffness),
-        dense_output=True,
-    )
-
-
-def furthest(orbit, since, until, stiffness):
-    """Largest distance in x between an orbit and the compliant system started on it, over a stretch
-    of time."""
-    run = compliant(orbit.constants, since, orbit.state(since), until, stiffness)
-    times = np.linspace(since, until, 300)
-    return max(float(np.abs(orbit.state(t) - run.sol(t))[::2].max()) for t in times)
-
-
-@COMPILED
-@pytest.mark.parametrize(
-    ("scene", "mesh", "impacts"),
-    [(SINGLE, 1, 16), (FIRST, 1, 20), (SECOND, 2, 40), (BOTH, 1, 40)],
-    ids=["one stage", "mesh 1, stage 2 in flight", "mesh 2", "both meshes"],
-)
-def test_sticking_is_the_limit_of_compliant_contact(scene, mesh, impacts):
-    """From before the impacts accumulate (both meshes: from their closing) until after the mesh has
-    opened."""
-    orbit, phase = sticking_of(scene, mesh, impacts)
-    both = any(r is not phase and r.closed <= phase.closed < r.opened for r in orbit.sticking)
-    since = phase.closed if both else float(orbit.tau[max(phase.impact - 3, 0)]) + 1e-3
-    until = min(
-        [r.opened + 0.05 for r in (phase,)] + [t for t in orbit.tau if t > phase.closed + 1e-6]
-    )
-    soft, hard = (furthest(orbit, since, until - 1e-6, k) for k in (1e5, 1e7))
-    assert hard < 2e-3
-    assert hard < 0.2 * soft
-
-
-def test_a_mesh_closed_too_long_is_noticed():
-    """Negative control: the opening late by 1 % of the sticking phase."""
-    orbit, phase = sticking_of(SINGLE, 1, 16)
-    late = phase.opened + 0.01 * (phase.opened - phase.closed)
-    moved = orbit.legs.copy()
-    moved[np.searchsorted(moved[:, 0], phase.opened - 1e-8), 0] = late
-    object.__setattr__(orbit, "legs", moved)
-    until = float(orbit.tau[phase.impact + 1]) - 1e-6
-    soft, hard = (furthest(orbit, phase.closed, until, k) for k in (1e5, 1e7))
-    assert hard > 0.9 * soft
+SINGLE = STICKING["one stage"]
 
 
 def test_two_meshes_that_throw_each_other_back_stick_though_never_on_their_walls_at_one_instant():
@@ -140,9 +56,6 @@ def test_the_orbit_goes_on_and_linearisations_stop_at_sticking():
     assert (orbit.found, orbit.stopped) == (40, "")
     assert len(orbit.sticking) >= 2
     first = orbit.sticking[0].impact
-    m = mean_map(SINGLE, impacts=40, closure="corrected")
-    assert m.stopped == f"a mesh sticks after impact {first}"
-    assert m.section["tau"].notna().sum() == first
     # which ends at the first impact that is too slow for it
     m = mean_map(SINGLE, impacts=40, closure="saltation")
     assert m.stopped == f"impact {m.trace.found + 1} grazes its wall"
@@ -152,8 +65,6 @@ def test_the_orbit_goes_on_and_linearisations_stop_at_sticking():
 THREE = (Order(1, 1.0), Order(2, 0.4, 0.7), Order(5, 0.08, -1.1))
 SCENES = {
     "one stage": Scene(alpha=1.5, epsilon=0.4, beta1=0.3, gamma1=1.0, stages=1),
-    "three orders": Scene(alpha=1.5, epsilon=0.4, beta1=0.3, gamma1=1.0, stages=1, drive=THREE),
-    "two stages": replace(Scene.from_gears(DAT21), epsilon=0.3, gears=None),
     "two stages, three orders": replace(
         Scene.from_gears(DAT21), epsilon=0.3, gears=None, drive=THREE
     ),
@@ -197,8 +108,3 @@ def test_torques_are_in_newton_millimetres():
     assert wheel.drag == 7.0
     assert wheel.unit == "N mm"
     assert wheel.least == pytest.approx(500.0 * (2.0 * 0.3) * 100.0**2 / 40.0 / 1000.0)
-
-
-def test_bad_input_is_refused():
-    with pytest.raises(InputError, match="give a Scene"):
-        rattle_threshold(DAT21)

@@ -7,7 +7,7 @@ import pytest
 from scenes import THREE, TREES
 
 import rattle.scene
-from rattle.scene import DAT21, FileError, InputError, Order, Scene, Start, Tolerance, Wheel
+from rattle.scene import DAT21, Gears, InputError, Order, Scene, Start, Tolerance, Wheel
 
 VALUES = {
     "alpha": 1.5,
@@ -22,7 +22,14 @@ VALUES = {
     "sigma": 0.1,
 }
 NON_NEGATIVE = ("alpha", "beta1", "beta2", "gamma1", "gamma2", "sigma")
-NUMBERS = tuple(VALUES)
+POSITIVE = ("omega", "inertia1", "inertia2", "radius1", "radius2", "backlash1", "backlash2")
+GIVEN = {
+    Scene: VALUES,
+    Gears: DAT21.values,
+    Wheel: {"beta": 0.1, "gamma": 0.2},
+    Tolerance: {},
+    Start: {},
+}
 
 
 def refused(field, value, remedy):
@@ -32,111 +39,65 @@ def refused(field, value, remedy):
     )
 
 
-NAN_INF = (float("nan"), float("inf"), float("-inf"))
-NO_NUMBER = ("0.5", None, True, [0.5])
-NEEDED = "is needed, or give wheels"
-NO_COUNT = (2.0, "2", None, True)
 BAD = {
-    Scene: (
-        [(name, -1e-9, "must be 0 or greater") for name in NON_NEGATIVE]
-        + [
-            (name, value, "must be greater than 0")
-            for name in ("gap1", "gap2")
-            for value in (0.0, -0.5)
-        ]
-        + [("epsilon", value, "must lie between 0 and 1") for value in (-0.01, 1.2)]
-        + [("mu", value, "between 0 and 1") for value in (0.0, 1.0, -0.5, 1.5)]
-        + [("stages", 0, "must be at least 1"), ("stages", 3, "must be at most 2")]
-        + [("stages", value, "give a whole number") for value in NO_COUNT]
-        + [("tolerance", value, "give a Tolerance") for value in (0.1, {"c1_max": 0.1}, False)]
-        + [("start", value, "give a Start") for value in (0.1, (0.0, 0.5, 2.0, 0.5, 2.0), "paper")]
-    ),
+    Scene: [
+        *((name, -1e-9, "must be 0 or greater") for name in NON_NEGATIVE),
+        ("gap1", 0.0, "must be greater than 0"),
+        ("gap2", -0.5, "must be greater than 0"),
+        ("epsilon", -0.01, "must lie between 0 and 1"),
+        ("epsilon", 1.2, "must lie between 0 and 1"),
+        ("epsilon", None, "is needed, or give wheels"),
+        ("mu", 0.0, "between 0 and 1"),
+        ("mu", 1.0, "between 0 and 1"),
+        ("stages", 0, "must be at least 1"),
+        ("stages", 3, "must be at most 2"),
+        ("stages", 2.0, "give a whole number"),
+        ("stages", True, "give a whole number"),
+        ("tolerance", False, "give a Tolerance"),
+        ("start", (0.0, 0.5, 2.0, 0.5, 2.0), "give a Start"),
+        ("alpha", float("-inf"), "give a finite number"),
+        ("alpha", "0.5", "give a number"),
+        ("alpha", None, "give a number"),
+        ("alpha", True, "give a number"),
+        ("alpha", [0.5], "give a number"),
+    ],
+    Gears: [
+        *((name, 0.0, "must be greater than 0") for name in POSITIVE),
+        *((name, -1.0, "must be 0 or greater") for name in ("damping2", "torque1", "torque2")),
+        ("epsilon", 1.1, "must lie between 0 and 1"),
+        ("inertia1", None, "give a number"),
+        ("omega", 1j, "give a number"),
+    ],
+    Wheel: [(name, 0.0, "must be greater than 0") for name in ("gap", "mass", "ratio")],
     Tolerance: [
         ("c1_max", -0.1, "must be 0 or greater"),
         ("distribution", "unifrom", "did you mean 'uniform'?"),
         ("distribution", "zzz", "valid are 'fixed', 'uniform', 'normal'"),
         ("draw", None, "valid are 'path', 'contact'"),
     ],
-    Start: (
-        [("mesh", 33, "must be at most 32"), ("mesh", -1, "must be at least 0")]
-        + [("mesh", value, "give a whole number") for value in NO_COUNT]
-    ),
+    Start: [
+        ("mesh", 33, "must be at most 32"),
+        ("mesh", -1, "must be at least 0"),
+        ("mesh", 2.0, "give a whole number"),
+    ],
 }
-for kind, names in (
-    (Scene, NUMBERS),
-    (Tolerance, ("c1_max", "c2_max")),
-    (Start, ("tau", "x1", "y1", "x2", "y2")),
-):
-    BAD[kind] += [(name, value, "give a finite number") for name in names for value in NAN_INF]
-    BAD[kind] += [
-        (
-            name,
-            value,
-            NEEDED if name in ("epsilon", "beta1", "gamma1") and value is None else "give a number",
-        )
-        for name in names
-        for value in NO_NUMBER
-    ]
+FINITE = {
+    Scene: VALUES,
+    Gears: DAT21.values,
+    Tolerance: ("c1_max", "c2_max"),
+    Start: ("tau", "x1", "y1", "x2", "y2"),
+}
+for kind, names in FINITE.items():
+    BAD[kind] += [(name, float("nan"), "give a finite number") for name in names]
 
 
 @pytest.mark.parametrize(
     ("kind", "field", "value", "remedy"), [(kind, *row) for kind in BAD for row in BAD[kind]]
 )
 def test_a_bad_value_is_refused_by_field_value_and_remedy(kind, field, value, remedy):
-    prefix = "" if kind is Scene else f"{kind.__name__.lower()}."
+    prefix = "" if kind in (Scene, Gears) else f"{kind.__name__.lower()}."
     with refused(prefix + field, value, remedy):
-        kind(**(VALUES if kind is Scene else {}) | {field: value})
-
-
-@pytest.mark.parametrize("stage", [1, 2])
-def test_a_tolerance_must_leave_its_gap_open(stage):
-    gap = VALUES[f"gap{stage}"]
-    with refused(f"tolerance.c{stage}_max", gap, f"must be below gap{stage} = {gap}"):
-        Scene(**VALUES, tolerance=Tolerance(**{f"c{stage}_max": gap}))
-
-
-@pytest.mark.parametrize(
-    ("start", "field", "value", "remedy"),
-    [
-        (Start(x1=0.6), "start.x1", 0.6, "must lie on a flank (+-0.5) or inside +-0.5"),
-        (Start(x2=-0.41), "start.x2", -0.41, "must lie on a flank (+-0.4)"),
-        (Start(x1=0.5, y1=-1.0, mesh=1), "start.mesh", 1, "y1 outward; given x1 = 0.5, y1 = -1.0"),
-        (Start(x1=0.5, y1=0.0, mesh=1), "start.mesh", 1, "y1 outward"),
-        (Start(x1=0.4, y1=1.0, mesh=1), "start.mesh", 1, "needs x1 = +-0.5"),
-        (Start(x2=-0.4, y2=1.0, mesh=2), "start.mesh", 2, "y2 outward; given x2 = -0.4, y2 = 1.0"),
-        (Start(x1=0.5, y1=1.0), "start.y1", 1.0, "must move inward, or give mesh=1"),
-        (Start(x2=-0.4, y2=0.0), "start.y2", 0.0, "must move inward, or give mesh=2"),
-        (Start(mesh=3), "start.mesh", 3, "a scene of 2 wheels has no mesh 3"),
-    ],
-)
-def test_a_start_must_lie_in_the_gap_and_move_to_its_mesh(start, field, value, remedy):
-    with refused(field, value, remedy):
-        Scene(**VALUES, start=start)
-
-
-@pytest.mark.parametrize(
-    "start",
-    [
-        Start(),
-        Start(x1=-0.5, y1=-1.0, mesh=1),
-        Start(x1=0.5, y1=-1.0),
-        Start(x2=0.4, y2=2.0, x1=-0.5, y1=0.1, mesh=2),
-        Start(x1=0.5, y1=2.0, x2=0.4, y2=2.0, mesh=1),
-    ],
-)
-def test_a_start_inside_or_on_its_flank_is_taken(start):
-    assert Scene(**VALUES, start=start).start is start
-
-
-def test_a_start_may_not_lie_in_the_tolerance_band():
-    band = Tolerance(c1_max=0.1)
-    with refused("start.x1", 0.45, "inside +-0.4"):
-        Scene(**VALUES, tolerance=band, start=Start(x1=0.45))
-
-
-def test_a_single_stage_knows_mesh_1_only():
-    with refused("start.mesh", 2, "a single-stage scene has mesh 1 only"):
-        Scene(**VALUES, stages=1, start=Start(x2=0.4, y2=1.0, mesh=2))
+        kind(**GIVEN[kind] | {field: value})
 
 
 ONE = Wheel(beta=0.1, gamma=0.2)
@@ -146,31 +107,35 @@ TWO = replace(ONE, parent=1, name="two")
 @pytest.mark.parametrize(
     ("settings", "field", "value", "remedy"),
     [
+        ({"tolerance": Tolerance(c1_max=0.5)}, "tolerance.c1_max", 0.5, "must be below gap1 = 0.5"),
+        ({"tolerance": Tolerance(c2_max=0.4)}, "tolerance.c2_max", 0.4, "must be below gap2 = 0.4"),
+        ({"start": Start(x1=0.6)}, "start.x1", 0.6, "must lie on a flank (+-0.5) or inside +-0.5"),
+        ({"start": Start(x1=0.5, y1=0.0, mesh=1)}, "start.mesh", 1, "given x1 = 0.5, y1 = 0.0"),
+        ({"start": Start(x1=0.4, y1=1.0, mesh=1)}, "start.mesh", 1, "needs x1 = +-0.5"),
+        ({"start": Start(x2=-0.4, y2=1.0, mesh=2)}, "start.mesh", 2, "y2 outward"),
+        ({"start": Start(x2=-0.4, y2=0.0)}, "start.y2", 0.0, "must move inward, or give mesh=2"),
+        ({"start": Start(mesh=3)}, "start.mesh", 3, "a scene of 2 wheels has no mesh 3"),
+        (
+            {"tolerance": Tolerance(c1_max=0.1), "start": Start(x1=0.45)},
+            "start.x1",
+            0.45,
+            "inside +-0.4",
+        ),
+        (
+            {"stages": 1, "start": Start(x2=0.4, y2=1.0, mesh=2)},
+            "start.mesh",
+            2,
+            "a single-stage scene has mesh 1 only",
+        ),
         ({"wheels": ONE}, "wheels", ONE, "give a sequence of Wheel"),
         ({"wheels": [ONE, 3]}, "wheels", 3, "give a sequence of Wheel"),
         ({"wheels": [ONE] * 33}, "wheels", 33, "at most 32 wheels"),
         ({"wheels": [ONE, replace(ONE, parent=3)]}, "wheel.2.parent", 3, "there are 2 wheels"),
-        (
-            {"wheels": [ONE, replace(ONE, parent="tow")]},
-            "wheel.2.parent",
-            "tow",
-            "no wheel has this",
-        ),
-        (
-            {"wheels": [replace(ONE, parent=2), TWO]},
-            "wheel.1.parent",
-            2,
-            "no wheel may mesh with itself in a circle",
-        ),
-        (
-            {"wheels": [ONE, TWO, TWO]},
-            "wheel.3.name",
-            "two",
-            "two wheels have this name; rename one",
-        ),
+        ({"wheels": [ONE, replace(ONE, parent="tow")]}, "wheel.2.parent", "tow", "no wheel has"),
+        ({"wheels": [replace(ONE, parent=2), TWO]}, "wheel.1.parent", 2, "itself in a circle"),
+        ({"wheels": [ONE, TWO, TWO]}, "wheel.3.name", "two", "two wheels have this name"),
         ({"wheels": [ONE], "epsilon": None}, "wheel.1.epsilon", None, "give it one, or the scene"),
         ({"wheels": [ONE], "beta1": 0.1}, "beta1", 0.1, "give it, or wheels; not both"),
-        ({"wheels": [ONE], "gap1": 0.1}, "gap1", 0.1, "give it, or wheels; not both"),
         (
             {"wheels": [ONE, ONE], "start": Start(state=(0.1, 0.2, 0.6, 0.0))},
             "start.x2",
@@ -179,15 +144,10 @@ TWO = replace(ONE, parent=1, name="two")
         ),
     ],
 )
-def test_wheels_that_make_no_gearbox_are_refused(settings, field, value, remedy):
+def test_a_start_or_wheels_that_cannot_be_are_refused(settings, field, value, remedy):
+    given = {"alpha": 1.0, "epsilon": 0.5} if "wheels" in settings else VALUES
     with refused(field, value, remedy):
-        Scene(**{"alpha": 1.0, "epsilon": 0.5} | settings)
-
-
-@pytest.mark.parametrize("name", ["gap", "mass", "ratio"])
-def test_a_wheel_without_gap_mass_or_ratio_is_refused(name):
-    with refused(f"wheel.{name}", 0.0, "must be greater than 0"):
-        Wheel(beta=0.1, gamma=0.2, **{name: 0.0})
+        Scene(**given | settings)
 
 
 def test_two_wheels_in_a_row_are_the_short_form():
@@ -200,29 +160,16 @@ def test_two_wheels_in_a_row_are_the_short_form():
 
 def test_what_a_scene_keeps_of_its_wheels_is_never_that_of_another():
     scene = TREES["tree of 4"]
+    walls = scene.constants.wheels["wall"]
     wide = replace(scene, wheels=[replace(wheel, tolerance=0.1) for wheel in scene.wheels])
-    assert scene.constants.wheels is scene.constants.wheels
-    for other, gap in (
-        (wide.noise_free, 1.0),
-        (scene.scaled(2.0), 2.0),
-        (scene.phase_reduced, 1.0),
-    ):
-        walls = [gap * wheel.gap for wheel in scene.wheels]
-        assert other.constants.wheels["wall"].tolist() == walls
-        assert [wheel.tolerance for wheel in other.tree] == [0.0] * 4
+    for other, gap in ((wide.noise_free, 1.0), (scene.scaled(2.0), 2.0)):
+        assert other.constants.wheels["wall"].tolist() == (gap * walls).tolist()
+    assert [wheel.tolerance for wheel in wide.noise_free.tree] == [0.0] * 4
     assert wide.differs_by_set
     assert not scene.differs_by_set
     assert pickle.loads(pickle.dumps(scene)) == scene
     several = replace(scene, drive=(Order(1), Order(2, 0.3)))
     assert several.constants.drive.waves is not several.constants.drive.waves
-
-
-@pytest.mark.parametrize(
-    ("key", "remedy"), [("sigm", "did you mean 'sigma'?"), ("beta1", "unknown key")]
-)
-def test_from_gears_refuses_what_gears_fix(key, remedy):
-    with refused("Scene.from_gears", key, remedy):
-        Scene.from_gears(DAT21, **{key: 0.1})
 
 
 def test_a_scene_keeps_its_gears_while_they_are_its_gears():
@@ -242,25 +189,16 @@ def test_a_scene_keeps_its_gears_while_they_are_its_gears():
     assert Scene.from_toml(replace(scene, alpha=2.0).to_toml()).alpha == 2.0
 
 
-@pytest.mark.parametrize(
-    ("distribution", "kept"), [("fixed", True), ("uniform", False), ("normal", False)]
-)
-def test_noise_free_drops_what_is_random(distribution, kept):
-    tolerance = Tolerance(0.05, 0.02, distribution=distribution)
-    quiet = Scene(**VALUES, tolerance=tolerance).noise_free
-    assert quiet.sigma == 0.0
-    assert quiet.tolerance == (tolerance if kept else None)
-
-
-@pytest.mark.parametrize(
-    ("distribution", "wall1"), [("fixed", 0.55), ("uniform", 0.5), ("normal", 0.5)]
-)
-def test_only_a_fixed_tolerance_moves_the_orbits_walls(distribution, wall1):
-    scene = Scene(**VALUES, tolerance=Tolerance(0.05, 0.0, distribution=distribution))
-    assert scene.windows == pytest.approx(
-        (0.55, 0.4)
-    )  # Eqs. 20, 21 use g + c_max for every distribution
-    assert scene.start_state == pytest.approx((wall1, 2.0, 0.4, 2.0))
+@pytest.mark.parametrize("distribution", ["fixed", "uniform", "normal"])
+def test_only_a_fixed_tolerance_moves_the_walls_and_stays_where_there_is_no_noise(distribution):
+    tolerance = Tolerance(0.05, 0.0, distribution=distribution)
+    scene = Scene(**VALUES, tolerance=tolerance)
+    fixed = distribution == "fixed"
+    # Eqs. 20, 21 use g + c_max for every distribution
+    assert scene.windows == pytest.approx((0.55, 0.4))
+    assert scene.start_state == pytest.approx((0.55 if fixed else 0.5, 2.0, 0.4, 2.0))
+    assert scene.noise_free.sigma == 0.0
+    assert scene.noise_free.tolerance == (tolerance if fixed else None)
 
 
 MINIMAL = "alpha = 1.5\nepsilon = 0.9\nbeta1 = 0.1\ngamma1 = 0.0\nmu = 0.5\n"
@@ -278,7 +216,6 @@ MINIMAL = "alpha = 1.5\nepsilon = 0.9\nbeta1 = 0.1\ngamma1 = 0.0\nmu = 0.5\n"
             "[scene]\n" + MINIMAL + "[scene.start]\nmesch = 1",
             "scene.start = 'mesch': unknown key; did you mean 'mesh'",
         ),
-        ("[scene]\n" + MINIMAL + "[scene.tolerance]\nc1_mx = 1", "did you mean 'c1_max'?"),
         ("[scene]\n" + MINIMAL + "qqqq = 1", "valid are 'alpha', "),
         ("[scene]\nalpha = 1.0", "scene = ['epsilon', 'beta1', 'gamma1']: these keys are missing"),
         ("[gears]\nalpha = 1.0", "gears = ['epsilon', 'omega', "),
@@ -289,9 +226,6 @@ MINIMAL = "alpha = 1.5\nepsilon = 0.9\nbeta1 = 0.1\ngamma1 = 0.0\nmu = 0.5\n"
             "[scene]\n" + MINIMAL + "start = 1",
             "scene.start = 1: write it as a table: [scene.start]",
         ),
-        ("[scene]\n" + MINIMAL + "sigma = 'loud'", "sigma = 'loud': give a number"),
-        ("[scene]\n" + MINIMAL + "sigma = nan", "sigma = nan: give a finite number"),
-        ("[scene]\n" + MINIMAL + "gears = 1", "scene = 'gears': unknown key"),
         ("", "these keys are missing"),
     ],
 )
@@ -299,12 +233,6 @@ def test_toml_refuses_in_words(text, words):
     with pytest.raises(InputError) as caught:
         Scene.from_toml(text)
     assert words in str(caught.value)
-
-
-@pytest.mark.parametrize("text", ["[scene", "alpha = ", "[scene]\nalpha = 1\nalpha = 2"])
-def test_broken_toml_is_a_file_error_that_says_where(text):
-    with pytest.raises(FileError, match=r"line \d+|end of document"):
-        Scene.from_toml(text)
 
 
 NAMES = vars(rattle.scene)
@@ -336,11 +264,8 @@ NAMED = replace(
 def test_its_repr_and_its_toml_make_a_scene_again_to_the_last_bit(scene):
     for again in (eval(repr(scene), NAMES), Scene.from_toml(scene.to_toml())):
         assert (again, again.gears, repr(again)) == (scene, scene.gears, repr(scene))
-    assert repr(replace(scene, alpha=np.nextafter(scene.alpha, 9.0))) != repr(
-        scene
-    )  # one bit would be noticed
-    assert len(repr(scene).splitlines()) <= 4 + 3 * len(scene.wheels)
-    assert max(map(len, repr(scene).splitlines())) <= 100
+    # one bit would be noticed
+    assert repr(replace(scene, alpha=np.nextafter(scene.alpha, 9.0))) != repr(scene)
     assert "<pre>Scene" in scene._repr_html_()
 
 
