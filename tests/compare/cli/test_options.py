@@ -58,8 +58,7 @@ def test_simulate_in_physical_units(tmp_path):
     plain = json.loads(rattle(f"{words} --json").output)
     assert (physical["units"], plain["units"]) == ("physical", "dimensionless")
     assert physical["section"][1]["y2_mm_per_s"] == pytest.approx(60.0 * plain["section"][1]["y2"])
-    out = rattle(f"{words} --units physical --out {tmp_path / 'table.csv'}").output
-    assert "impacts_per_s" not in out  # which is said of the long run alone
+    rattle(f"{words} --units physical --out {tmp_path / 'table.csv'}")
     assert "tau_ms" in (tmp_path / "table.csv").read_text()
 
 

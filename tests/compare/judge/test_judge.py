@@ -299,51 +299,46 @@ def test_section_rows_of_validate_bit_for_bit():
 
 
 def refusals(samples, predicted, tmp_path):
-    """Bad input: arguments, and what the message has to name."""
+    """What the message has to name, and bad input: a prediction and samples."""
     bad = tmp_path / "bad.parquet"
     bad.write_text("no table")
     late = samples.copy()
     late[3, 0] = np.nan
     infinite = samples.copy()
     infinite[5, 1, 1] = np.inf
-    metres = predicted.copy()
-    metres.attrs["units"] = {"x": "m"}
     alike = np.repeat(samples[:1], 10, axis=0)
-    return {
-        "misspelt": ((predicted.rename(columns={"sd_x": "sd_xx"}), samples), "did you mean 'x'"),
-        "nothing in common": (({"speed": [1.0, 2.0, 3.0]}, samples), "quantit"),
-        "other order": ((predicted[::-1], as_long(samples)), "order"),
-        "unknown row": ((predicted.set_axis(TIMES + 1.0), as_long(samples)), "samples have"),
-        "too few rows": ((predicted[:2], samples), "3 rows"),
-        "sd below zero": ((predicted.assign(sd_x=-1.0), samples), "must be 0 or greater"),
-        "complex": ((predicted, samples.astype(complex)), "real"),
-        "one path": ((predicted, samples[:1]), "one path"),
-        "all equal": ((predicted, alike), "equal"),
-        "no table": ((predicted, bad), "is no table"),
-        "no file": ((predicted, tmp_path / "none.csv"), "does not exist"),
-        "starts late": ((predicted, late), "path 3, row 1"),
-        "infinite": ((predicted, infinite), "path 5, row 2, v"),
-        "no samples": ((predicted, 3.0), "give an array"),
-        "no predictions": (([1.0], samples), "give a table"),
-        "words": ((predicted.assign(x="a"), samples), "give real numbers"),
-        "infinite prediction": ((predicted.assign(x=np.inf), samples), "is infinite"),
-        "a row twice": ((pd.concat([predicted, predicted]), as_long(samples)), "stands twice"),
-        "flat": ((predicted, samples[:, 0, 0]), "has 1 dimensions"),
-        "no paths in a table": ((predicted, as_long(samples)[["x", "v"]]), "no column 'path'"),
-        "two values of a path": ((predicted, pd.concat([as_long(samples)] * 2)), "two rows"),
-        "no blocks": ((predicted, iter([])), "no block"),
-        "no file of samples": ((predicted, tmp_path), "is no table"),
-        "spread too small": ((predicted, 1e-200 * samples), "unit"),
-        "mean without sd": (
-            (predicted[["x"]], pd.DataFrame({"x": 0.0, "se_x": 0.1}, index=TIMES)),
+    return [
+        ("did you mean 'x'", predicted.rename(columns={"sd_x": "sd_xx"}), samples),
+        ("quantit", {"speed": [1.0, 2.0, 3.0]}, samples),
+        ("order", predicted[::-1], as_long(samples)),
+        ("samples have", predicted.set_axis(TIMES + 1.0), as_long(samples)),
+        ("3 rows", predicted[:2], samples),
+        ("must be 0 or greater", predicted.assign(sd_x=-1.0), samples),
+        ("real", predicted, samples.astype(complex)),
+        ("one path", predicted, samples[:1]),
+        ("equal", predicted, alike),
+        ("is no table", predicted, bad),
+        ("does not exist", predicted, tmp_path / "none.csv"),
+        ("path 3, row 1", predicted, late),
+        ("path 5, row 2, v", predicted, infinite),
+        ("give an array", predicted, 3.0),
+        ("give a table", [1.0], samples),
+        ("give real numbers", predicted.assign(x="a"), samples),
+        ("is infinite", predicted.assign(x=np.inf), samples),
+        ("stands twice", pd.concat([predicted, predicted]), as_long(samples)),
+        ("has 1 dimensions", predicted, samples[:, 0, 0]),
+        ("no column 'path'", predicted, as_long(samples)[["x", "v"]]),
+        ("two rows", predicted, pd.concat([as_long(samples)] * 2)),
+        ("no block", predicted, iter([])),
+        ("is no table", predicted, tmp_path),
+        ("unit", predicted, 1e-200 * samples),
+        (
             "add the column 'sd_x'",
+            predicted[["x"]],
+            pd.DataFrame({"x": 0.0, "se_x": 0.1}, index=TIMES),
         ),
-        "no errors": (
-            (predicted[["x"]], pd.DataFrame({"x": 0.0, "se_y": 0.1}, index=TIMES)),
-            "se_x",
-        ),
-        "units differ": ((metres, samples), "convert one of them", {"units": {"x": "mm"}}),
-    }
+        ("se_x", predicted[["x"]], pd.DataFrame({"x": 0.0, "se_y": 0.1}, index=TIMES)),
+    ]
 
 
 def test_columns_that_are_not_asked_for_or_empty_are_left_out(samples, predicted):
@@ -358,13 +353,15 @@ def test_columns_that_are_not_asked_for_or_empty_are_left_out(samples, predicted
 
 def test_bad_input_is_named(samples, predicted, tmp_path):
     """Field, value and remedy, case by case."""
-    for name, (given, part, *options) in refusals(samples, predicted, tmp_path).items():
-        settings = options[0] if options else {}
-        if isinstance(given[1], np.ndarray):
-            settings = settings | {"names": ["x", "v"]}
+    for part, claim, given in refusals(samples, predicted, tmp_path):
+        names = ["x", "v"] if isinstance(given, np.ndarray) else None
         with pytest.raises(InputError) as refusal:
-            rt.judge(*given, **settings)
-        assert part in str(refusal.value), f"{name}: {refusal.value}"
+            rt.judge(claim, given, names=names)
+        assert part in str(refusal.value), part
+    predicted = predicted.copy()
+    predicted.attrs["units"] = {"x": "m"}
+    with pytest.raises(InputError, match="convert one of them"):
+        rt.judge(predicted, samples, names=["x", "v"], units={"x": "mm"})
 
 
 @pytest.mark.parametrize(

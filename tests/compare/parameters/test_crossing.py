@@ -34,7 +34,6 @@ def long_result(value, se, kind="simulated", periods=64):
 @pytest.mark.parametrize(
     ("true", "verdict"),
     [
-        (0.7, BELOW_LEVEL),
         (0.98, BELOW_LEVEL),
         (1.02, ABOVE_LEVEL),
         (3.0, ABOVE_LEVEL),

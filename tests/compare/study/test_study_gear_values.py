@@ -22,8 +22,6 @@ def scenes(axis, scene=SCENE, more=""):
 
 CHANGES = {
     "backlash1": 0.4,
-    "backlash2": 0.3,
-    "torque1": 150.0,
     "speed_rpm": 1200.0,
     "driver_radius": 25.0,
     "amplitude": 0.25,

@@ -54,7 +54,6 @@ def small(tmp_path):
 def test_tables_load_in_one_line(slow):
     results = load_study(slow)
     assert len(results.errors) == 6 * 2 * 2 * 2 * 6  # sigma, closure, impact, moment, quantity
-    assert set(results.sections["moment"]) == {"mean", "sd", "skew"}
     assert {"rate", "energy"} < set(results.sections["quantity"])
     loose = results.judged(Tolerances(1e9, 1e9))
     assert (loose["verdict"] == "excluded").equals(~loose["judged"])
@@ -246,5 +245,3 @@ def test_rare_branches_are_sampled_where_asked_for(tmp_path):
     assert (before["verdict"], row["verdict"]) == ("undecided", "inaccurate")
     assert abs(row["simulated"] - 0.0094) < 4.0 * (row["se"] + 0.0001)  # of 65,536 paths near it
     assert row["paths"] == 32_768
-    same = "sigma == 0"
-    pd.testing.assert_frame_equal(plain.query(same), near.query(same))

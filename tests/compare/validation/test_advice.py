@@ -156,6 +156,6 @@ def test_work_of_a_mixture_grows_with_its_components():
     )
 
 
-def test_so_many_paths_bound_the_error():
-    """Of a mean, whose standard error for one path is the sd: (1.96 / 0.1)^2."""
-    assert paths_for(pd.DataFrame({"unit": [2.0], "se": 2.0}), 0.1) == 385
+def test_so_many_paths_bound_both_errors():
+    """Of two means, whose standard errors for one path are the sds: (2.2414 / 0.1)^2."""
+    assert paths_for(pd.DataFrame({"unit": [2.0, 3.0], "se": [2.0, 3.0]}), 0.1) == 503

@@ -67,9 +67,11 @@ def test_its_time_is_measured_and_decides_nothing(compared):
 
 def test_an_exception_is_a_remark_on_its_rows(compared):
     v = validate(SCENE.with_sigma(0.1), impacts=2, closures=["saltation", strong], paths=2000)
-    assert v.failed == {"strong": "raised ValueError: the noise is too strong"}
-    assert set(rows(v, "strong")["verdict"]) <= {"not predicted", "excluded"}
-    assert set(rows(v, "strong")["remark"]) == {"raised ValueError: the noise is too strong"}
+    why = "raised ValueError: the noise is too strong"
+    assert v.failed == {"strong": why}
+    table = rows(v, "strong")
+    assert set(table["verdict"]) <= {"not predicted", "excluded"}
+    assert set(table["remark"]) == {why}
     assert "At σ = 0.1 `strong` raised ValueError" in " ".join(answer([v]))
 
 

@@ -65,10 +65,8 @@ def test_planted_errors_are_inaccurate_at_any_noise(name, sigma):
     planted = found.set_index(["moment", "quantity"])["verdict"]
     for row in (("mean", "tau"), ("sd", "y1"), ("sd", "flight")):
         assert (planted.loc[[row]] == "inaccurate").all(), row
-    np.testing.assert_allclose(
-        found["tolerance"], found["moment"].map({"mean": 0.05, "sd": 0.10}) * found["unit"]
-    )
-    assert (found["remark"] != BY_SIZE).all()
+    allowed = found["moment"].map({"mean": 0.05, "sd": 0.10}) * found["unit"]
+    np.testing.assert_allclose(found["tolerance"], allowed)
 
 
 def test_what_does_not_vary_is_judged_by_its_size_and_says_so():

@@ -51,7 +51,6 @@ CASES = {
             " 2,634"
         ),
     ),
-    "two stages": (two(20_000.0, 3000.0), "20,000 N mm, above the threshold of 1,946"),
     "held by wheel 2": (
         two(100.0, 9000.0),
         "2,557 N mm, which holds wheel 1 too. The first impacts are the transient",

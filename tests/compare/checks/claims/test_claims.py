@@ -31,7 +31,7 @@ pytestmark = pytest.mark.filterwarnings("ignore:.*too short.*")
 
 @pytest.fixture(scope="module")
 def evidence():
-    effort = Effort(points=20_000, impacts=20_000, events=128)
+    effort = Effort(points=5_000, impacts=20_000, events=128)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(of_evidence, "CLAIM_IMPACTS", 6)
         return gather(
