@@ -48,11 +48,9 @@ def test_a_small_budget_measures_a_part_says_so_and_is_repeated(tmp_path):
 
 
 def test_each_sentence_is_printed_once(small_report):
-    out, printed = small_report
-    lines = printed.splitlines()
+    lines = small_report[1].splitlines()
     openings = [line[:40] for line in lines]
     assert len(set(openings)) == len(openings)
-    assert lines[-1] == f"Report: {out / 'report.html'}"
 
 
 def test_fixed_times_can_be_left_out():

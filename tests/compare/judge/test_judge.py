@@ -315,7 +315,6 @@ def refusals(samples, predicted, tmp_path):
         ("3 rows", predicted[:2], samples),
         ("must be 0 or greater", predicted.assign(sd_x=-1.0), samples),
         ("real", predicted, samples.astype(complex)),
-        ("one path", predicted, samples[:1]),
         ("equal", predicted, alike),
         ("is no table", predicted, bad),
         ("does not exist", predicted, tmp_path / "none.csv"),

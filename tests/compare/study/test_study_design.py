@@ -138,6 +138,12 @@ def test_a_bad_file_is_refused_with_field_and_remedy(old, new, message):
         _ = Study.from_toml(text.replace(old, new)).points
 
 
+def test_rare_branches_need_white_noise():
+    text = study_text(more="[[axes]]\ncorrelation_time = [0.1, 0.2]\n")
+    with pytest.raises(InputError, match=r"near_branches.*correlation_time = 0\.1"):
+        _ = Study.from_toml(text.replace("seed = 3", "near_branches = true")).points
+
+
 def test_an_axis_varies_one_order_and_keeps_the_others():
     axes = '[[axes]]\n"drive.2.amplitude" = [0.0, 0.2]\ncorrelation_time = [0.0, 0.5]\n'
     study = Study.from_toml(study_text(more=ORDERS + axes))
