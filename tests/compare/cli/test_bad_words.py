@@ -8,6 +8,7 @@ from commands import rattle
 
 BAD = {
     "validate --sigma -1": "sigma = -1.0",
+    "validate no/such.toml": "cannot be read",
     "validate --paths 0": "paths = 0: must be at least 1",
     "validate --impacts 0": "impacts = 0",
     "validate --workers 0": "workers = 0",

@@ -4,11 +4,9 @@ locale."""
 import subprocess
 import sys
 
-import pytest
 from commands import study
 from programs import python, surroundings
 
-ENCODINGS = ("cp1252", "latin-1", "ascii", "cp1252:strict", "utf-8")
 CODE = """
 import sys
 from rattle.compare.cli.main import main
@@ -25,11 +23,9 @@ main(["speak"])
 """
 
 
-@pytest.mark.parametrize("encoding", ENCODINGS)
-def test_no_command_fails_on_a_character(encoding):
-    done = python("-c", CODE, PYTHONIOENCODING=encoding, PYTHONUTF8="0")
-    if encoding != "utf-8":
-        assert "\\u2713" in done.stdout
+def test_no_command_fails_on_a_character():
+    done = python("-c", CODE, PYTHONIOENCODING="cp1252:strict", PYTHONUTF8="0")
+    assert "\\u2713" in done.stdout
 
 
 def test_files_are_in_utf_8_in_a_locale_without_it(tmp_path):
@@ -42,12 +38,8 @@ def test_files_are_in_utf_8_in_a_locale_without_it(tmp_path):
     }
     command = ["-m", "rattle.compare.cli.main"]
     done = python(*command, "study", "s.toml", cwd=tmp_path, PYTHONWARNDEFAULTENCODING="1", **plain)
-    warned = [
-        text
-        for text in done.stderr.splitlines()
-        if "EncodingWarning" in text and "site-packages" not in text
-    ]
-    assert warned == []
+    warned = [text for text in done.stderr.splitlines() if "EncodingWarning" in text]
+    assert all("site-packages" in text for text in warned), warned
     for name in ("study.md", "study.html", "study.toml"):
         assert "\u4e2d" in (tmp_path / "s" / name).read_text(encoding="utf-8")
     with (tmp_path / "shown").open("wb") as shown:

@@ -10,7 +10,6 @@ from commands import commands, rattle, strict, study
 
 from rattle.compare.checks import extremes
 from rattle.compare.checks.extremes import extreme
-from rattle.compare.report import manifest
 from rattle.compare.report.json_text import json_text, plain
 from rattle.compare.report.save import csv_text
 
@@ -37,13 +36,9 @@ SMALL = {
 """A small run of each command that has ``--json``; `assess` has its own (tests/compare/assess)."""
 
 
-def test_these_are_all_commands_with_json_and_their_parser_is_strict():
+def test_these_are_all_commands_with_json():
     with_json = {name for name, made in commands() if any("--json" in p.opts for p in made.params)}
     assert with_json == {*SMALL, "assess"}
-    for text in ('{"a": NaN}', "[Infinity]", '{"a": -Infinity}', "{'a': 1}", ""):
-        with pytest.raises((AssertionError, ValueError)):
-            strict(text)
-    assert strict('{"a": null}') == {"a": None}
 
 
 @pytest.mark.usefixtures("undrawn")
@@ -76,28 +71,12 @@ def test_committed_files_are_strict(path):
 def test_what_is_no_number_is_null_and_what_is_numpys_is_plain():
     data = {
         "a": (np.float64("nan"), -math.inf, np.float32(0.5), np.int64(2), np.bool_(True)),
-        "b": {
-            "at": Path("x/y"),
-            3: np.array([[1.0, math.nan]]),
-            "none": None,
-            "series": pd.Series([1, 2]),
-        },
+        "b": {"at": Path("x/y"), 3: np.array([[0.1 + 0.2, math.nan]]), "c": pd.Series([1, 2])},
     }
     said = strict(json_text(data))
-    assert said == {
-        "a": [None, None, 0.5, 2, True],
-        "b": {"at": "x/y", "3": [[1.0, None]], "none": None, "series": [1, 2]},
-    }
+    b = {"at": "x/y", "3": [[0.1 + 0.2, None]], "c": [1, 2]}
+    assert said == {"a": [None, None, 0.5, 2, True], "b": b}
     assert said == plain(data)
-    assert strict(json_text(0.1 + 0.2)) == 0.1 + 0.2
-
-
-def test_a_sealed_record_is_whole_after_it_was_written_whatever_is_in_it():
-    record = manifest.seal({"seconds": math.nan, "paths": np.int64(3), "over": (1.0, math.inf)})
-    read = strict(json_text(record))
-    assert read["seconds"] is None
-    assert manifest.is_whole(read)
-    assert not manifest.is_whole(read | {"paths": 4})
 
 
 def test_numbers_in_csv_are_whole_and_texts_harmless():

@@ -1,5 +1,4 @@
-"""Every command that takes a scene, on an engineer's gear pair, whose motion sticks, and on one of
-the examples."""
+"""Every command that takes a scene, on an engineer's gear pair, whose motion sticks."""
 
 from pathlib import Path
 
@@ -7,7 +6,6 @@ import pytest
 from commands import commands, rattle
 
 HERE = Path(__file__).parent
-EXAMPLES = HERE.parents[2] / "examples"
 SMALL = {
     "animate": "--impacts 5 --out",
     "assess": "--budget 5 --out",
@@ -21,27 +19,12 @@ SMALL = {
     "tradeoff": "--impacts 2 --budget 0.2 --no-orders --accuracy 0.3 --out",
     "validate": "--impacts 3 --paths 2000 --no-validity --out",
 }
-ON_EXAMPLES = {
-    "animate": "drawing-tolerances",
-    "assess": "single-stage",
-    "boundary": "single-stage",
-    "chaos": "single-stage",
-    "check order": "gearbox",
-    "sensitivity": "drawing-tolerances",
-    "stationary": "single-stage",
-    "tradeoff": "gearbox",
-    "validate": "gearbox",
-}
-"""Each command once: all of them on all examples take ten minutes; `simulate` runs on every one
-elsewhere."""
-QUICK = [
-    (command, HERE / "pair.toml") for command in ("animate", "check order", "simulate", "validate")
+QUICK = ("animate", "check order", "simulate", "validate")
+CASES = [
+    command if command in QUICK else pytest.param(command, marks=pytest.mark.slow)
+    for command in SMALL
+    if command != "chaos"  # which runs on the pair in tests/compare/chaos
 ]
-# `chaos` runs on the pair in tests/compare/chaos
-ELSEWHERE = (*dict(QUICK), "chaos")
-LONG = [(command, HERE / "pair.toml") for command in SMALL if command not in ELSEWHERE]
-LONG += [(command, EXAMPLES / f"{name}.toml") for command, name in ON_EXAMPLES.items()]
-CASES = QUICK + [pytest.param(*case, marks=pytest.mark.slow) for case in LONG]
 
 
 def test_these_are_all_commands_that_take_a_scene():
@@ -50,11 +33,9 @@ def test_these_are_all_commands_that_take_a_scene():
 
 
 @pytest.mark.usefixtures("undrawn")
-@pytest.mark.parametrize(
-    ("command", "scene"), CASES, ids=lambda part: part if isinstance(part, str) else part.stem
-)
-def test_every_command_runs(command, scene, tmp_path):
-    words = f"{command} {scene} {SMALL[command]}"
+@pytest.mark.parametrize("command", CASES)
+def test_every_command_runs(command, pair, tmp_path):
+    words = f"{command} {pair} {SMALL[command]}"
     if not words.endswith("--out"):
         rattle(words)
         return

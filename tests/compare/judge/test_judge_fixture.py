@@ -11,10 +11,6 @@ def draw(paths):
     return {"x": np.random.default_rng(3).normal(size=(paths, 2))}
 
 
-def test_what_is_right_passes(judge):
-    assert judge(RIGHT, draw(40_000)).accurate
-
-
 def test_what_is_wrong_fails_and_is_shown(judge):
     with pytest.raises(pytest.fail.Exception) as failure:
         judge(RIGHT | {"x": [0.0, 0.3]}, draw(40_000))
@@ -36,11 +32,6 @@ def test_what_is_undecided_is_skipped_where_the_marker_says_so(judge):
 @pytest.mark.rattle(within={"mean": 0.5, "sd": 0.5})
 def test_the_marker_says_what_is_allowed(judge):
     assert judge(RIGHT | {"x": [0.3, 0.3]}, draw(4000)).accurate
-
-
-@pytest.mark.rattle(within=0.5)
-def test_one_number_is_allowed_for_means_and_sds(judge):
-    assert judge(RIGHT | {"x": [0.3, 0.3]}, draw(4000)).tolerances[:2] == (0.5, 0.5)
 
 
 @pytest.mark.rattle(scene="dat21.toml")

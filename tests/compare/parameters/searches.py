@@ -27,7 +27,7 @@ SEARCHES = {
     "map": (
         boundary_map,
         QUIET,
-        {"along": "alpha", "reach": (0.4, 1.5), "values": 3, "impacts": 2, **SMALL},
+        {"along": "alpha", "reach": (0.4, 1.5), "values": 2, "impacts": 2, **SMALL},
     ),
 }
 

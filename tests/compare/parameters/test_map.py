@@ -14,9 +14,7 @@ from rattle.compare.parameters.map import NOWHERE, BoundaryMap
 from rattle.compare.parameters.search import critical
 
 
-@pytest.mark.parametrize(
-    "near", [(0.048, 0.0525), (0.049, 0.051), (0.02, 0.021), (0.3, 0.31), (0.05,)]
-)
+@pytest.mark.parametrize("near", [(0.048, 0.0525), (0.3, 0.31), (0.05,)])
 def test_a_guess_saves_values_and_a_wrong_one_does_no_harm(near):
     _, plain = search(verdicts(0.05), 8, 0.1)
     ((accurate, wrong),), judged = search(verdicts(0.05), 8, 0.1, near=near)
@@ -39,24 +37,11 @@ def test_each_value_has_its_own_boundary(results):
 
 
 def test_what_has_no_edge_is_said():
-    settings = {"impacts": 2, "points": 2, "values": 2, "over": "sigma"}
-    wrong = boundary_map(
-        QUIET, closure="published", along="torque1", between=(0.01, 0.1), **settings
-    )
-    assert wrong.answer[0] == "At torque1 = 50, 200 N mm: nowhere accurate."
+    settings = {"impacts": 1, "points": 2, "values": 2, "over": "sigma"}
     right = boundary_map(QUIET, along="torque1", between=(0.001, 0.002), **settings)
     assert right.answer[0] == "At torque1 = 50, 200 N mm: accurate throughout."
     assert set(right.points["verdict"]) == {Verdict.ACCURATE}
     assert math.isnan(right.curve["wrong"].iloc[0])
-
-
-@pytest.mark.slow
-def test_a_cluster_finds_the_same(results):
-    distributed = pytest.importorskip("distributed")
-    settings = {"processes": True, "dashboard_address": ":0", "silence_logs": 50}
-    with distributed.LocalCluster(n_workers=1, threads_per_worker=1, **settings) as cluster:
-        there = run("map", scheduler=cluster.scheduler_address)
-    assert there.curve.equals(results["map"].curve)
 
 
 def test_the_least_edge_is_not_called_the_least_where_it_is_nowhere_accurate():

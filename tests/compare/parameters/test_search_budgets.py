@@ -8,7 +8,7 @@ import time
 import numpy as np
 import pytest
 
-from rattle import DAT21, Gears, InputError, Scene, boundary_map, crossing, sensitivity
+from rattle import DAT21, Gears, Scene, boundary_map, sensitivity
 from rattle.montecarlo.kernel.blocks import Budget
 from rattle.montecarlo.long_run import paths as long_paths
 from rattle.montecarlo.long_run.sums import NUMBER
@@ -69,17 +69,6 @@ def test_a_sensitivity_keeps_its_budget(spent):
     unknown = found.table[found.table["effect"].isna()]
     assert set(unknown["remark"]) == {"the budget ended before it was changed"}
     assert "The budget ended before" in found.said
-    assert "would suffice" in found.said
-
-
-def test_a_crossing_keeps_its_budget(spent):
-    found = crossing(
-        CHATTERING, quantity="power", level=100.0, over="amplitude", budget=BUDGET, points=3
-    )
-    assert spent() < MOST
-    seen = found.points[found.points["remark"] != BUDGET_ENDED]
-    assert np.isfinite(seen[["low", "high"]]).all(axis=None)
-    assert any("A larger budget" in sentence for sentence in found.answer)
 
 
 def test_a_look_that_would_take_too_much_of_the_budget_is_not_begun(monkeypatch):
@@ -101,5 +90,3 @@ def test_a_map_shares_its_budget_and_says_what_it_leaves_undecided():
     found = boundary_map(quiet, along="alpha", **small, budget=1e-6)
     assert found.path_steps == 0
     assert f"undecided: {BUDGET_ENDED}" in found.answer[0]
-    with pytest.raises(InputError, match="budget = -1"):
-        boundary_map(quiet, along="alpha", budget=-1.0)

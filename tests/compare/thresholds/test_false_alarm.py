@@ -222,9 +222,6 @@ def test_one_row_that_is_allowed_nothing_fails_at_the_stated_rate(once, looks, t
 def test_one_row_at_the_edge_fails_at_half_the_stated_rate(once, truth, edge):
     low, measured, high = failing(outcomes(once, truth, edge, **ONE, absolute=2e-3))
     assert low <= 0.5 * RATE <= high, measured
-    low, measured, high = failing(outcomes(once, truth, edge, **ONE, within=0.05))
-    assert low <= 0.5 * RATE, measured  # its bound on the error is not tight
-    assert high >= 0.25 * RATE, measured
 
 
 def test_without_a_correction_it_would_be_found_out(once, looks, truth):
@@ -239,8 +236,8 @@ def test_without_a_correction_it_would_be_found_out(once, looks, truth):
     assert low > RATE
 
 
-@pytest.mark.parametrize("beyond", [-1.0001, 1.0001])
-def test_a_model_just_outside_seldom_passes(once, looks, truth, beyond):
+def test_a_model_just_outside_seldom_passes(once, looks, truth):
+    beyond = 1.0001
     for runs in (once, looks):
         low, measured, _ = passing(outcomes(runs, truth, beyond, **ONE, within=0.05))
         assert low <= 0.5 * RATE, measured

@@ -100,8 +100,14 @@ BAD_OPTIONS = {
 }
 
 
-@pytest.mark.parametrize("option", BAD_OPTIONS)
-@pytest.mark.parametrize("where", ["command line", "configuration file", "collecting alone"])
+@pytest.mark.parametrize(
+    ("option", "where"),
+    [
+        *((option, "command line") for option in BAD_OPTIONS),
+        ("rattle-budget=1e6", "configuration file"),
+        ("rattle-seed=-1", "collecting alone"),
+    ],
+)
 def test_bad_options_end_the_session(run, pytester, option, where):
     if where == "configuration file":
         name, value = option.split("=")

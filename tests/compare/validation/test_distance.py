@@ -35,7 +35,7 @@ def against_normal_sample(seed, mean=0.0, sd=1.0, paths=PATHS):
 
 
 def test_right_density_stays_at_the_floor():
-    found = [against_normal_sample(seed) for seed in range(60)]
+    found = [against_normal_sample(seed) for seed in range(30)]
     above = sum(d.kolmogorov > d.kolmogorov_floor for d in found)
     assert above <= stats.binom.isf(1e-4, len(found), 0.05)  # bins can only lower it
     ratios = np.array([d.total_variation / d.total_variation_floor for d in found])
@@ -48,12 +48,8 @@ def test_a_negative_control_is_far_above_the_floor(mean, sd):
     found = against_normal_sample(1, mean, sd)
     assert found.kolmogorov > 5.0 * found.kolmogorov_floor
     assert found.total_variation > 2.0 * found.total_variation_floor
-    exact = float(
-        np.abs(
-            stats.norm.cdf(np.linspace(-4, 4, 4001), mean, sd)
-            - stats.norm.cdf(np.linspace(-4, 4, 4001))
-        ).max()
-    )
+    z = np.linspace(-4.0, 4.0, 4001)
+    exact = np.abs(stats.norm.cdf(z, mean, sd) - stats.norm.cdf(z)).max()
     assert found.kolmogorov == pytest.approx(exact, abs=found.kolmogorov_floor)
 
 
@@ -73,28 +69,21 @@ def of(run, closure, **settings):
 def test_saltation_is_at_the_floor_and_corrected_is_not(run):
     saltation = of(run, "saltation")
     corrected = of(run, "corrected")
-    assert saltation["impact"].tolist() == np.repeat(range(1, 13), 5).tolist()
-    ratio = {
-        name: t["kolmogorov"] / t["kolmogorov_floor"]
-        for name, t in (("s", saltation), ("m", corrected))
-    }
-    assert ratio["s"].max() < 3.0
-    assert ratio["s"].median() < 1.0
+    above = saltation["kolmogorov"] / saltation["kolmogorov_floor"]
+    assert above.max() < 3.0
+    assert above.median() < 1.0
     assert (saltation["total_variation"] / saltation["total_variation_floor"]).max() < 1.5
-    assert ratio["m"].min() > 1.5
-    assert ratio["m"].median() > 20.0
-    assert ratio["m"].groupby(corrected["impact"]).max().min() > 20.0  # at every impact
+    far = corrected["kolmogorov"] / corrected["kolmogorov_floor"]
+    assert far.min() > 1.5
+    assert far.groupby(corrected["impact"]).max().min() > 20.0  # at every impact
 
 
 def test_second_order_is_what_brings_saltation_to_the_floor(run):
     """Negative control: without the skewness of the second order the distance is larger."""
-    second = of(run, "saltation").set_index(["impact", "quantity"])
     prediction = mean_map(run.scene, impacts=12, closure="saltation")
-    gaussian_only = replace(
-        prediction, trace=replace(prediction.trace, skew=0.0 * prediction.trace.skew)
-    )
-    first = section_distances(gaussian_only, run).set_index(["impact", "quantity"])
-    assert first["kolmogorov"].max() > 2.0 * second["kolmogorov"].max()
+    trace = replace(prediction.trace, skew=0.0 * prediction.trace.skew)
+    first = section_distances(replace(prediction, trace=trace), run)
+    assert first["kolmogorov"].max() > 2.0 * of(run, "saltation")["kolmogorov"].max()
 
 
 def test_rows_only_where_something_varies_and_is_predicted(run):
@@ -103,10 +92,7 @@ def test_rows_only_where_something_varies_and_is_predicted(run):
     for impact, group in saltation.groupby("impact"):
         struck = f"x{int(mesh[impact])}"
         assert struck not in set(group["quantity"])
-    assert {"tau", "flight"}.isdisjoint(of(run, "corrected")["quantity"])
     assert set(of(run, "published")["quantity"]) <= {"y1", "y2"}
-    assert (saltation["paths"] == run.paths).all()
-    assert saltation["total_variation"].between(0.0, 1.0).all()
 
 
 def test_bias_of_the_step_is_taken_out_where_it_was_measured():
@@ -123,18 +109,7 @@ def test_bias_of_the_step_is_taken_out_where_it_was_measured():
     assert worst[1] < 1.5
 
 
-def test_no_noise_and_one_stage():
+def test_without_noise_nothing_has_a_distance():
     quiet = Scene.from_gears(DAT21)
-    found = section_distances(
-        mean_map(quiet, impacts=2),
-        simulate(quiet, paths=10, impacts=2, record=Record(histogram=True)),
-    )
-    assert found.empty
-    assert "total_variation_floor" in found
-    rattler = replace(Scene.from_gears(DAT21, sigma=0.02), stages=1)
-    single = section_distances(
-        mean_map(rattler, impacts=3),
-        simulate(rattler, paths=5000, impacts=3, record=Record(histogram=True)),
-    )
-    assert set(single["quantity"]) <= {"tau", "flight", "y1"}
-    assert not single.empty
+    still = simulate(quiet, paths=10, impacts=2, record=Record(histogram=True))
+    assert section_distances(mean_map(quiet, impacts=2), still).empty

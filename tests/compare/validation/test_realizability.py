@@ -6,14 +6,13 @@ import numpy as np
 import pytest
 
 from rattle.closure import Edgeworth, mean_map
-from rattle.closure.edgeworth import coefficients, section_density
+from rattle.closure.edgeworth import coefficients
 from rattle.compare.validation.realizability import (
     CHECKS,
     NEGATIVE_POINTS,
     NEGATIVE_REACH,
     QUADRATURE,
     first_failures,
-    moment_matrix_eigenvalue,
     negative_mass,
     realizability_table,
 )
@@ -52,7 +51,7 @@ def failing(prediction):
     return set(first_failures(realizability_table([prediction]))["check"])
 
 
-@pytest.mark.parametrize("sigma", [0.01, 0.1, 1.5**0.5])
+@pytest.mark.parametrize("sigma", [0.01, 1.5**0.5])
 def test_published_first_fails_at_impact_2_in_its_moments(sigma):
     table = table_of("published", sigma)
     first = first_failures(table[table["check"].isin(ALGEBRAIC)]).set_index("check")
@@ -63,16 +62,14 @@ def test_published_first_fails_at_impact_2_in_its_moments(sigma):
     assert first.loc["|rho|", "impact"] == (
         7 if sigma > 1.0 else 3
     )  # the first at which a rho > 1 has its variances
-    assert (first["excess"] > 0.0).all()
     # values are not clipped: the negative variance is in the table
     assert table.query("check == 'variance of displacement'")["value"].min() < 0.0
 
 
 @pytest.mark.parametrize("closure", ["corrected", "saltation"])
-@pytest.mark.parametrize("sigma", [0.01, 0.1, 1.5**0.5])
-@pytest.mark.parametrize("order", [2, 4, 6])
-def test_closures_with_a_covariance_are_realizable(closure, sigma, order):
-    table = table_of(closure, sigma, order=order)
+@pytest.mark.parametrize("order", [2, 6])
+def test_closures_with_a_covariance_are_realizable(closure, order):
+    table = table_of(closure, 1.5**0.5, order=order)
     rows = table[table["check"].isin(ALGEBRAIC)]
     assert rows["holds"].all()
     absent = set(rows.loc[rows["holds"].isna(), "check"])
@@ -80,9 +77,9 @@ def test_closures_with_a_covariance_are_realizable(closure, sigma, order):
     assert (rows.loc[rows["holds"].notna(), "excess"] == 0.0).all()
 
 
-def series_mass(rho, order=4, points=NEGATIVE_POINTS):
-    series = Edgeworth(coefficients(gaussian_raw_moments(1.0, rho, 1.0, order), 1.0, 1.0), 1.0, 1.0)
-    z = np.linspace(-NEGATIVE_REACH, NEGATIVE_REACH, points)
+def series_mass(rho):
+    series = Edgeworth(coefficients(gaussian_raw_moments(1.0, rho, 1.0, 4), 1.0, 1.0), 1.0, 1.0)
+    z = np.linspace(-NEGATIVE_REACH, NEGATIVE_REACH, NEGATIVE_POINTS)
     return negative_mass(series.density(*np.meshgrid(z, z)), (z[1] - z[0]) ** 2)
 
 
@@ -90,65 +87,12 @@ def test_series_of_a_gaussian_is_negative_from_a_rho_of_a_quarter_on():
     """The series is Mehler's in powers of rho; truncated at order 4 it has only two, too few for
     large rho."""
     assert series_mass(0.24) < QUADRATURE < series_mass(0.26)
-    assert series_mass(-0.6) == pytest.approx(series_mass(0.6))
-    masses = [series_mass(rho) for rho in (0.3, 0.5, 0.7, 0.9, 1.0)]
-    assert np.all(np.diff(masses) > 0.0)
-    assert masses[-1] == pytest.approx(0.125, abs=0.001)
-    # a longer series does not help at high rho: it makes it worse
-    assert series_mass(0.99, order=6) > series_mass(0.99, order=4)
-
-
-def test_section_negative_mass_grows_with_sigma():
-    """The skewness of the saltation closure is proportional to sigma; the series is positive up to
-    about 0.08."""
-    z = np.linspace(-NEGATIVE_REACH, NEGATIVE_REACH, NEGATIVE_POINTS)
-    for skew, within in ((0.07, True), (0.1, False)):
-        assert (
-            negative_mass(section_density(z, 0.0, 1.0, skew), z[1] - z[0]) <= QUADRATURE
-        ) == within
-    values = [
-        table_of("saltation", sigma).query("check == 'section negative mass'")["value"].max()
-        for sigma in (0.001, 0.1)
-    ]
-    assert values[0] <= QUADRATURE < values[1]
-    assert (
-        table_of("corrected", 1.5**0.5).query("check == 'section negative mass'")["value"] == 0.0
-    ).all()
-    assert (
-        table_of("published", 0.1).query("check == 'section negative mass'")["holds"].isna().all()
-    )
-
-
-RNG = np.random.default_rng(3)
-REALIZABLE = {
-    "cloud": RNG.normal(size=(2, 200)),
-    "line": np.outer([2.0, 1.0], RNG.normal(size=200)),
-    "skewed": RNG.exponential(size=(2, 200)) - [[1.0], [0.5]],
-    "three points": np.array([[4.0, -1.0, 0.0], [-1.0, 0.0, 0.5]]),
-    "two points": np.array([[-1.0, 1.0], [2.0, 0.5]]),
-    "one point": np.zeros((2, 1)),
-}
-"""Displacements and velocities that are equally likely: any of them is a distribution."""
-
-
-@pytest.mark.parametrize("scale", [1e-6, 1.0, 1e4])
-@pytest.mark.parametrize("order", [2, 4, 6])
-@pytest.mark.parametrize("name", REALIZABLE)
-def test_moments_of_points_pass_at_any_scale(name, order, scale):
-    x, y = REALIZABLE[name]
-    x = scale * x
-    raw = np.zeros((order + 1, order + 1))
-    for n in range(order + 1):
-        for p in range(order + 1 - n):
-            raw[n, p] = (x**n * y**p).mean()
-    whole = np.kron(np.eye(2), np.cov(x, y, bias=True))
-    assert failing(with_moments(raw, whole)) <= {"negative mass"}
-    assert moment_matrix_eigenvalue(raw).value >= -1e-9 * max(1.0, abs(raw[-1, 0]) / scale**order)
+    assert series_mass(1.0) == pytest.approx(0.125, abs=0.001)
 
 
 def controls():
-    """Negative controls: moments that no distribution has, and the checks that must fail for
-    them."""
+    """Moments of a distribution, and negative controls: moments that none has, and the checks that
+    must fail for them."""
     base = gaussian_raw_moments(2.0, 0.4, 1.0, 4)
 
     def changed(**entries):
@@ -158,6 +102,7 @@ def controls():
         return raw
 
     return [
+        (base, set()),
         (changed(m20=-2.0), {"variance of displacement", "covariance eigenvalue", "moment matrix"}),
         (changed(m02=-1.0), {"variance of velocity", "covariance eigenvalue", "moment matrix"}),
         (changed(m11=1.5), {"|rho|", "covariance eigenvalue", "moment matrix"}),
@@ -168,13 +113,14 @@ def controls():
 
 
 @pytest.mark.parametrize(("raw", "checks"), controls())
-@pytest.mark.parametrize("scale", [1e-5, 1.0, 1e5])
+@pytest.mark.parametrize("scale", [1e-5, 1e5])
 def test_unrealizable_moments_are_caught(raw, checks, scale):
     n, p = np.indices(raw.shape)
     table = realizability_table([with_moments(raw * scale ** (n + p))])
     rows = table[table["check"].isin(ALGEBRAIC) & (table["stage"] > 0)]
-    assert set(rows[~rows["holds"].fillna(True).astype(bool)]["check"]) == checks
-    assert (rows.loc[~rows["holds"].fillna(True).astype(bool), "excess"] > 0.0).all()
+    failed = rows[~rows["holds"].fillna(True).astype(bool)]
+    assert set(failed["check"]) == checks
+    assert (failed["excess"] > 0.0).all()
 
 
 def test_covariance_across_the_stages_is_judged():
@@ -185,8 +131,7 @@ def test_covariance_across_the_stages_is_judged():
     assert failed[["stage", "check"]].to_numpy().tolist() == [[0, "covariance eigenvalue"]]
     assert failed["excess"].item() == pytest.approx(0.2)
     published = table_of("published", 0.1).query("stage == 0 and check == 'covariance eigenvalue'")
-    assert published["holds"].isna().all()
-    assert published["excess"].isna().all()
+    assert published[["holds", "excess"]].isna().all(axis=None)
 
 
 def test_negative_densities_are_caught():

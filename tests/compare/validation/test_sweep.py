@@ -7,7 +7,7 @@ from rattle import validate
 from rattle.compare.judge.verdict import NOT_WRONG, WRONG
 from rattle.compare.report.style import caption_of
 from rattle.compare.validation.answer import validity_sentence
-from rattle.compare.validation.comparison import Speed, Validity, find_validity
+from rattle.compare.validation.comparison import Validity, find_validity
 from rattle.compare.validation.figures import validity_figure
 from rattle.compare.validation.page import CAPTIONS
 from rattle.compare.validation.tables import merge_sigmas
@@ -42,13 +42,10 @@ def test_rows_are_those_of_single_validations(swept):
 
 
 def test_only_the_work_of_what_is_accurate_is_counted(swept):
-    assert list(swept.speed) == list(Speed._fields)
-    assert list(zip(swept.speed["closure"], swept.speed["sigma"], strict=True)) == [
-        ("saltation", 0.02)
-    ]
-    row = swept.speed.iloc[0]
-    assert row["impacts"] == 4
+    (row,) = swept.speed.to_dict("records")
+    assert (row["closure"], row["sigma"], row["impacts"]) == ("saltation", 0.02, 4)
     assert 0.0 < row["median"] < row["worst"] < 0.1
+    assert row["closure_seconds"] == pytest.approx(4 * 250e-6)
     assert row["speed_up"] == pytest.approx(row["simulation_seconds"] / row["closure_seconds"])
     assert row["speed_up"] > 5.0
 
@@ -60,18 +57,6 @@ def test_neighbours_with_one_range_of_validity_and_cause_share_a_row():
     rows = merge_sigmas(table)
     assert rows["sigma"].tolist() == ["0.01", "0.1 – 0.2"]
     assert rows["why"].tolist() == ["so", "paths have left its itinerary"]
-
-
-def test_sentence_says_up_to_where_everything_is_right():
-    # the last one is luck
-    rows = [ended(s, a, 4) for s, a in ((0.01, 4), (0.1, 4), (0.2, 3), (0.4, 4))]
-    rows += [ended(s, 0, 0, closure="published") for s in (0.01, 0.1, 0.2, 0.4)]
-    sentence = validity_sentence(pd.DataFrame(rows), 4)
-    assert (
-        "`saltation`: accurate up to σ = 0.1, not shown wrong up to 0.4 (too few paths to decide);"
-        in sentence
-    )
-    assert "`published`: shown wrong at σ = 0.01, the smallest." in sentence
 
 
 @pytest.mark.parametrize(
@@ -88,6 +73,16 @@ def test_sentence_says_up_to_where_everything_is_right():
             [(0.01, 2, 4), (0.1, 0, 2)],
             "not shown wrong up to σ = 0.01 (too few paths to decide), shown wrong at",
         ),
+        # the last one is luck
+        (
+            [(0.01, 4, 4), (0.1, 4, 4), (0.2, 3, 4), (0.4, 4, 4)],
+            "accurate up to σ = 0.1, not shown wrong up to 0.4 (too few paths to decide).",
+        ),
+        ([(0.01, 0, 0), (0.1, 0, 0)], "shown wrong at σ = 0.01, the smallest."),
+        (
+            [(0.01, 4, 4), (0.1, 2, 2, "ended")],
+            "accurate up to σ = 0.01, not followed to its end at 0.1.",
+        ),
     ],
 )
 def test_undecided_is_neither_right_nor_wrong(rows, said):
@@ -96,33 +91,12 @@ def test_undecided_is_neither_right_nor_wrong(rows, said):
     assert "at no" not in sentence
 
 
-def test_a_closure_that_cannot_be_followed_is_not_called_wrong():
-    rows = [ended(0.01, 4, 4, "holds"), ended(0.1, 2, 2, "ended")]
-    assert "accurate up to σ = 0.01, not followed to its end at 0.1." in validity_sentence(
-        pd.DataFrame(rows), 4
-    )
-
-
-@pytest.mark.parametrize("closures", [["saltation"], ["published", "corrected", "saltation"]])
-def test_figure_has_a_panel_for_each_closure_and_every_cause_in_its_legend(closures):
-    rows = [
-        ended(s, 1, 2, cause, r)
-        for r in closures
-        for s, cause in ((0.01, "grazing"), (0.1, "second order"))
-    ]
-    figure = validity_figure(pd.DataFrame(rows), 4)
-    assert [ax.get_title(loc="left") for ax in figure.axes if ax.get_visible()] == closures
-    words = [text.get_text() for text in figure.legends[0].get_texts()]
-    assert "an impact grazes" in words
-    assert "second order is not enough" in words
-    assert "paths have left its itinerary" not in words
-
-
 def test_legend_and_caption_of_the_range_of_validity_name_what_is_there():
     """Where a closure is accurate everywhere, nothing is undecided and nothing shown wrong."""
-    holds = [ended(s, 4, 4) for s in (0.01, 0.1)]
+    holds = [ended(s, 4, 4, closure=c) for c in ("corrected", "saltation") for s in (0.01, 0.1)]
     for rows, undecided, wrong in ((holds, False, False), ([*holds, ended(0.2, 1, 2)], True, True)):
         figure = validity_figure(pd.DataFrame(rows), 4)
+        assert sum(ax.get_visible() for ax in figure.axes) == 2
         words = [text.get_text() for text in figure.legends[0].get_texts()]
         said = caption_of(figure, CAPTIONS["validity"].items())
         assert (f"{NOT_WRONG} here" in words, WRONG in words) == (undecided, wrong)

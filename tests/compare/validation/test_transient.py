@@ -12,7 +12,6 @@ from commands import rattle
 import rattle as rt
 from rattle import Gears, Order, Scene, Start
 from rattle.compare.stationary.page import answer as long_answer
-from rattle.compare.validation.answer import answer
 from rattle.compare.validation.transient import describe_transient
 from rattle.montecarlo.long_run.estimates import most_unseen
 from rattle.scene.changes import change
@@ -52,11 +51,6 @@ CASES = {
             " 2,634"
         ),
     ),
-    "noise": (
-        one(9000.0, sigma=0.02),
-        f"Without noise these gears do {REST}the drag torque on wheel 1 is 9,000 N mm",
-    ),
-    "two stages": (two(20_000.0, 3000.0), "20,000 N mm, above the threshold of 1,946"),
     "held by wheel 2": (
         two(100.0, 9000.0),
         "2,557 N mm, which holds wheel 1 too. The first impacts are the transient",
@@ -112,39 +106,16 @@ def test_nothing_is_said_where_the_motion_goes_on_above_the_threshold():
     assert describe_transient(scene) == ""
 
 
-@pytest.mark.parametrize("sigma", ["0.0", "0.02"])
-def test_every_command_says_it_first(tmp_path, sigma):
+def test_every_command_says_it_first(tmp_path):
     path = tmp_path / "quiet.toml"
-    path.write_text(one(9000.0, sigma=float(sigma)).to_toml())
-    simulated = rattle("simulate", path, "--paths", "64", "--impacts", "3").output
-    lines = [line for line in simulated.splitlines() if "no sigma" not in line]
-    assert REST in lines[0]
-    assert (
-        REST in json.loads(rattle("simulate", path, "--paths", "64", "--json").stdout)["long_run"]
-    )
-    short = (
-        "validate",
-        path,
-        "--paths",
-        "256",
-        "--impacts",
-        "2",
-        "--no-validity",
-        "--closure",
-        "saltation",
-    )
-    found = json.loads(rattle(*short, "--json", "--out", tmp_path / "page").stdout)
+    path.write_text(one(9000.0, sigma=0.02).to_toml())
+    simulated = rattle("simulate --paths 64 --impacts 3", path).output
+    assert f"Without noise these gears do {REST}" in simulated.splitlines()[0]
+    short = "validate --paths 256 --impacts 2 --no-validity --closure saltation --json --out"
+    found = json.loads(rattle(short, tmp_path / "page", path).stdout)
     assert REST in found["long_run"] == found["answer"][0]
     page = (tmp_path / "page" / "report.md").read_text(encoding="utf-8")
     assert page.index(REST) < page.index("For this gear pair")
-    assert not re.search(r"per second|a second", simulated + page)
-
-
-def test_a_rattling_validation_begins_with_the_advice():
-    verdict = rt.validate(
-        two(100.0, 50.0, sigma=0.01), impacts=2, paths=256, closures=["saltation"]
-    )
-    assert answer([verdict])[0].startswith("For this gear pair")
 
 
 def test_noise_at_rest_has_a_bound_in_place_of_zero():
@@ -155,20 +126,11 @@ def test_noise_at_rest_has_a_bound_in_place_of_zero():
     assert (rate["value"], rate["low"]) == (0.0, 0.0)
     assert rate["high"] == pytest.approx(3.0 / (2.0 * np.pi * 32 * periods), rel=2e-3)
     assert np.isnan(found.table.loc["power", "high"])  # of impacts that were not seen
-    said = long_answer(found)
-    assert said[0].startswith(
-        "No impact was seen in the long run, so none faster than 6 mm/s (fewer than "
-    )
-    assert "white noise opens closed teeth at any drag" in said[1]
-    assert "for good" not in said[0]
-    assert long_answer(rt.stationary(one(9000.0)))[0].endswith(
-        "the motion comes to rest for good."
-    )  # exact
+    said = long_answer(found)[0]
+    assert said.startswith("No impact was seen in the long run, so none faster than 6 mm/s (fewer")
+    still = long_answer(rt.stationary(one(9000.0)))[0]
+    assert still.endswith("the motion comes to rest for good.")  # exact
 
 
 def test_the_bound_holds_for_nineteen_of_twenty_counts():
-    rng = np.random.default_rng(1)
-    time = 7.0
-    rate = most_unseen(time)
-    none = (rng.poisson(rate * time, 40_000) == 0).mean()
-    assert none == pytest.approx(0.05, abs=4.0 * np.sqrt(0.05 * 0.95 / 40_000))
+    assert np.exp(-7.0 * most_unseen(7.0)) == pytest.approx(0.05, rel=0.01)

@@ -7,9 +7,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from commands import rattle
 
-from rattle.closure import mean_map
 from rattle.compare.chaos.exponents import Mean
 from rattle.compare.chaos.sweep import paper_noise
 from rattle.compare.checks.claims import evidence as of_evidence
@@ -24,18 +22,16 @@ from rattle.compare.checks.claims.judges import (
     judge,
     judge_claim,
 )
-from rattle.compare.checks.claims.page import answer, make_report
+from rattle.compare.checks.claims.page import make_report
 from rattle.compare.report.save import save
 from rattle.scene import DAT21, Scene
-
-REPOSITORY = Path(__file__).parents[4]
 
 pytestmark = pytest.mark.filterwarnings("ignore:.*too short.*")
 
 
 @pytest.fixture(scope="module")
 def evidence():
-    effort = Effort(points=20_000, impacts=20_000, events=128)
+    effort = Effort(points=5_000, impacts=20_000, events=128)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(of_evidence, "CLAIM_IMPACTS", 6)
         return gather(
@@ -46,18 +42,6 @@ def evidence():
 @pytest.fixture(scope="module")
 def claims(evidence):
     return dict(zip(CLAIM_TEXTS, judge(evidence), strict=True))
-
-
-def test_every_claim_has_a_test_evidence_and_one_of_the_verdicts(claims):
-    for claim in claims.values():
-        assert all(claim)
-        assert claim.verdict in (
-            REPRODUCED,
-            NOT_REPRODUCED,
-            CLAIM_UNDECIDED,
-        ) or claim.verdict.startswith("holds only for ")
-        assert any(c.isdigit() for c in claim.evidence)
-    assert len(claims) == 12
 
 
 @pytest.mark.parametrize(
@@ -116,19 +100,6 @@ def test_the_range_of_chaos_follows_the_signs(evidence, signs, verdict):
     assert (controlled == REPRODUCED) == (len(set(signs)) == 2)
 
 
-def test_the_model_quotes_the_repeated_flanks_of_claim_5():
-    """One definition: consecutive impacts at one mesh, whatever happens at the other in between."""
-    committed = pd.read_csv(REPOSITORY / "reports/claims/claims.csv", index_col="claim")[
-        "evidence"
-    ][5]
-    said = " ".join((REPOSITORY / "docs/model.md").read_text(encoding="utf-8").split())
-    orbit, noisy = (round(float(share)) for share in re.findall(r"([\d.]+)% ±", committed))
-    assert (
-        f"{orbit} % of consecutive impacts at one mesh on DAT21's orbit, {noisy} % along noisy"
-        " paths" in said
-    )
-
-
 def test_alpha_outside_the_range_and_an_orbit_that_sticks_at_times_are_said(evidence):
     """The paper says nothing of alpha outside its range; positive exponents there refute
     nothing."""
@@ -149,23 +120,14 @@ def test_alpha_outside_the_range_and_an_orbit_that_sticks_at_times_are_said(evid
 def test_each_rule_at_impacts_breaks_the_stage_that_it_is_for():
     """Eq. 17 breaks stage 1 whether Eq. 15 is mended or not, and the other way round; with both
     nothing fails."""
-    for sigma in (0.01, 1.5**0.5):
-        found = {
-            rule: {f.stage: f.impact for f in at}
-            for rule, at in failures(Scene.from_gears(DAT21, sigma=sigma)).items()
-        }
-        assert found[judges.AS_PUBLISHED] == {1: 2, 2: 2}
-        assert found[judges.MEND_15] == {1: 2, 2: 0}
-        assert found[judges.MEND_17] == {1: 0, 2: 2}
-        assert found[judges.MEND_BOTH] == {1: 0, 2: 0}
-
-
-def test_rules_as_published_are_those_of_the_published_closure():
-    scene = Scene.from_gears(DAT21, sigma=0.1)
-    m = mean_map(scene, impacts=4, closure="published")
-    first, second = failures(scene)[judges.AS_PUBLISHED]
-    assert (m.breakdown.impact, m.breakdown.reason) == (first.impact, first.reason)
-    assert f"variance of x = {m.trace.covariance[2, 2, 2]:.3g} < 0" == second.reason
+    found = {
+        rule: {f.stage: f.impact for f in at}
+        for rule, at in failures(Scene.from_gears(DAT21, sigma=0.01)).items()
+    }
+    assert found[judges.AS_PUBLISHED] == {1: 2, 2: 2}
+    assert found[judges.MEND_15] == {1: 2, 2: 0}
+    assert found[judges.MEND_17] == {1: 0, 2: 2}
+    assert found[judges.MEND_BOTH] == {1: 0, 2: 0}
 
 
 def test_spectra_are_judged_of_the_map_the_ensemble_the_orbit_and_paths_apart(evidence):
@@ -180,7 +142,6 @@ def test_spectra_are_judged_of_the_map_the_ensemble_the_orbit_and_paths_apart(ev
         assert claim.verdict.endswith("; the published map ends before it has a spectrum")
     assert "the ensemble's mean" in narrow.verdict
     assert "the ensemble's mean" not in continuous.verdict
-    assert "single noisy paths" in continuous.verdict
     drifts = replace(evidence, mean=evidence.mean._replace(largest=9.0))
     assert "the ensemble's mean" in judge_claim("continuous", drifts).verdict
     maps = evidence.chaos.maps.assign(ends=evidence.chaos.maps["followed"])
@@ -226,39 +187,15 @@ def test_a_section_of_few_points_is_not_fuzzy(evidence):
 
 @pytest.mark.usefixtures("undrawn")
 def test_the_page_holds_every_claim(evidence, claims, tmp_path):
-    record = {
-        "name": "DAT21",
-        "scene": evidence.scene.to_dict(),
-        "seed": 0,
-        "command": "rattle check claims",
-        "commit": "none",
-        "versions": {},
-        "wall_seconds": 1.0,
-    }
+    record = dict.fromkeys(("name", "seed", "command", "commit"), "")
+    record |= {"scene": evidence.scene.to_dict(), "versions": {}, "wall_seconds": 1.0}
     report = make_report(list(claims.values()), evidence.chaos, record)
     save(tmp_path / "o", report, overwrite=False)
     assert report.answer[0].startswith("Of 12 testable claims")
-    assert {"`saltation`", "Lyapunov exponent", "reproduced"} <= dict(report.words).keys()
     page = (tmp_path / "o" / "claims.md").read_text()
     assert page.index("(verdicts.svg)") < page.index("| 12 |") < page.index("\n## ")
     titles = re.findall(r"^## \d+\\. (.*)$", page, re.MULTILINE)
     assert titles == [c.name for c in claims.values()]
-    assert pd.read_csv(tmp_path / "o" / "claims.csv")["verdict"].tolist() == [
-        c.verdict for c in claims.values()
-    ]
-    shown = rattle("show", tmp_path / "o").output
-    assert all(c.name in shown for c in claims.values())
-
-
-def test_the_answer_counts_the_verdicts_and_names_what_failed(claims):
-    chosen = list(claims.values())[:4]
-    verdicts = (REPRODUCED, "holds only for the orbit", NOT_REPRODUCED, CLAIM_UNDECIDED)
-    said = answer(
-        [c._replace(verdict=verdict) for c, verdict in zip(chosen, verdicts, strict=True)]
-    )
-    assert said == [
-        "Of 4 testable claims of the paper 1 is reproduced, 1 holds only in part, 1 is undecided"
-        f" and 1 is not reproduced: “{chosen[2].name}”."
-    ]
-    said = answer([c._replace(verdict=REPRODUCED) for c in chosen])
-    assert said == ["Of 4 testable claims of the paper 4 are reproduced."]
+    table = pd.read_csv(tmp_path / "o" / "claims.csv")
+    assert table["verdict"].tolist() == [c.verdict for c in claims.values()]
+    assert table["evidence"].str.contains(r"\d").all()

@@ -1,8 +1,6 @@
 """Published results: the program obeys them, and a wrong result, scene or step is detected."""
 
-import json
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 
 import pytest
@@ -42,46 +40,14 @@ def test_tolerance_counts_every_statistical_check(results):
     checks = [c for result in results.values() for c in result.checks]
     statistical = sum(c.se > 0.0 for c in checks)
     assert results["exit-time"].allowed == widest(statistical, MOST_FALSE_ALARMS)
-    for c in (
-        checks
-    ):  # where nothing is random the bound is of rounding or of the step, not of convenience
+    # where nothing is random the bound is of rounding or of the step, not of convenience
+    for c in checks:
         assert c.se > 0.0 or c.slack <= 1e-6 * max(1.0, abs(c.truth)), c
         assert c.slack <= 2e-3 * max(abs(c.truth), 1e-2), c
 
 
-run = partial(rattle, "check", "published")
-
-
-def test_command_prints_an_aligned_table():
-    done = run("--result", "exponent-sum", "--result", "bouncing-ball")
-    head, rule, *rows, sentence = done.output.splitlines()
-    at = head.index("verdict")
-    assert [row[at:] for row in rows] == ["holds", "holds"]
-    assert set(rule) == {"-"}
-    assert sentence.startswith("2 of 2 results hold; 6 checks, 0 of them statistical")
-
-
-def test_command_gives_json():
-    done = run("--result", "free-flight", "--json")
-    found = json.loads(done.output)
-    assert found["holds"]
-    result = found["results"][0]
-    assert result["allowed"] == pytest.approx(widest(22, MOST_FALSE_ALARMS))
-    assert len(result["checks"]) == 22
-    assert all(p["rejected"] for p in result["controls"])
-    assert result["z"] == max(c["z"] for c in result["checks"])
-
-
 def test_unknown_result_is_refused():
-    assert "result = 'gravity'" in run("--result", "gravity", code=2).stderr
-
-
-def test_a_failure_is_named_beside_what_holds(monkeypatch):
-    follow = impacts.follow
-    monkeypatch.setattr(impacts, "follow", lambda s, n: follow(replace(s, epsilon=0.69), n))
-    done = run("--result", "bouncing-ball", "--result", "exponent-sum", code=1)
-    assert "1 of 2 results hold" in done.output
-    assert "FAILS  time to rest, orbit" in done.output
+    assert "result = 'gravity'" in rattle("check published --result gravity", code=2).stderr
 
 
 def test_result_that_does_not_reject_its_negative_control_fails():

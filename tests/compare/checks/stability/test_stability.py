@@ -1,7 +1,6 @@
 """The map: runs with admissible steps are unbiased or carry a diagnostic, and negative controls are
 rejected."""
 
-import csv
 import json
 import re
 from dataclasses import replace
@@ -22,7 +21,7 @@ from rattle.compare.checks.stability.chart import (
     moderate,
     reference,
 )
-from rattle.compare.checks.stability.page import answer, summary
+from rattle.compare.checks.stability.page import answer
 from rattle.montecarlo import SCHEMES, default_step, largest_step
 
 PATHS = 8192
@@ -49,9 +48,8 @@ def verdict(scene, beside, scheme, share, paths=PATHS):
 
 @pytest.mark.parametrize("axis", CORNERS)
 @pytest.mark.parametrize("scheme", SCHEMES)
-@pytest.mark.parametrize("share", [1 / 64, 1.0])
-def test_admissible_steps_are_unbiased_or_diagnosed(corner, axis, scheme, share):
-    found = verdict(*corner[axis], scheme, share)
+def test_admissible_steps_are_unbiased_or_diagnosed(corner, axis, scheme):
+    found = verdict(*corner[axis], scheme, 1.0)
     assert found.verdict != UNSTABLE, found
     assert found.verdict != BIASED or found.diagnosed, found
     if scheme == "exact-flight":
@@ -84,7 +82,7 @@ def test_negative_control_of_a_scheme_is_biased(middle, scheme, wrong):
     assert found.verdict == BIASED
 
 
-@pytest.mark.parametrize("gap", AXES["gap"].values)
+@pytest.mark.parametrize("gap", [AXES["gap"].values[0], AXES["gap"].values[-1]])
 def test_exact_flights_without_noise_are_the_orbit(gap):
     scene = replace(moderate(gap=gap), sigma=0.0)
     found = verdict(scene, reference(scene, paths=1, seed=1, workers=1), "exact-flight", 1.0, 1)
@@ -103,59 +101,26 @@ def test_restitution_of_nothing_has_no_limit():
     assert found.diagnosed
 
 
-def run(tmp_path, *arguments, code=0):
-    small = (
-        "--axis",
-        "sigma",
-        "--points",
-        "2",
-        "--paths",
-        "1000",
-        "--out",
-        str(tmp_path / "map"),
-        "--no-extremes",
-    )
-    return rattle("check", "stability", *small, *arguments, code=code)
+def run(tmp_path, words, code=0):
+    small = "check stability --axis sigma --points 2 --paths 1000 --no-extremes"
+    return rattle(f"{small} {words} --out", tmp_path / "map", code=code)
 
 
 def test_command_writes_map_tables_and_page(tmp_path):
-    done = run(tmp_path, "--scheme", "euler-maruyama", "--scheme", "exact-flight")
+    run(tmp_path, "--scheme euler-maruyama --scheme exact-flight")
     folder = tmp_path / "map"
     page = (folder / "stability.md").read_text(encoding="utf-8")
     opening = page[: page.index("\n## ")]
     assert "(verdicts.svg)" in opening
     assert opening.count("\n| ") == 3  # heads, and the worst cell of each scheme
-    assert "- **`exact-flight`**: " in opening
     answer = json.loads((folder / "manifest.json").read_text())["answer"]
     assert answer[0].startswith("Take `exact-flight`: at its default step ")
-    assert answer == done.output.splitlines()[:-1]
-    rows = list(csv.DictReader((folder / "stability.csv").read_text().splitlines()))
+    rows = pd.read_csv(folder / "stability.csv")
     assert len(rows) == 2 * 2 * 7
-    assert {row["scheme"] for row in rows} == {"euler-maruyama", "exact-flight"}
-    for row in rows:
-        scene = moderate(**{row["axis"]: float(row["value"])})
-        scheme = row["scheme"]
-        share = float(row["share"]) * largest_step(scene, scheme)[0]
-        dt = default_step(scene, scheme) if row["default"] == "True" else share
-        assert float(row["dt"]) == pytest.approx(dt, rel=1e-4)
+    for row in rows[rows["default"]].itertuples():
+        dt = default_step(moderate(**{row.axis: row.value}), row.scheme)
+        assert row.dt == pytest.approx(dt, rel=1e-4)
     assert "Ensemble.diagnostics" in page
-    assert json.loads((folder / "manifest.json").read_text())["axes"] == ["sigma"]
-    assert (folder / "stability.svg").stat().st_size > 10_000
-
-
-def test_an_interrupted_map_computes_what_is_missing(tmp_path, monkeypatch):
-    settings = {"points": 2, "paths": 1000, "seed": 0, "workers": 2, "folder": tmp_path}
-    whole = charts.chart(["exact-flight"], ["epsilon"], **settings).table
-    next((tmp_path / "cells").glob("*.parquet")).unlink()
-    begun = []
-    own = charts.reference
-    monkeypatch.setattr(
-        charts, "reference", lambda scene, **how: begun.append(scene) or own(scene, **how)
-    )
-    pd.testing.assert_frame_equal(
-        charts.chart(["exact-flight"], ["epsilon"], **settings).table, whole, check_exact=True
-    )
-    assert len(begun) == 1
 
 
 def test_an_extreme_that_does_not_hold_is_on_the_page_and_in_the_exit_code(tmp_path, monkeypatch):
@@ -165,22 +130,17 @@ def test_an_extreme_that_does_not_hold_is_on_the_page_and_in_the_exit_code(tmp_p
         "u": extreme(lambda: [5.0], name="u", allowed=4.5, **about),
     }
     monkeypatch.setattr(extremes, "EXTREMES", rows)
-    done = run(tmp_path, "--scheme", "exact-flight", "--points", "1", "--extremes", code=1)
+    done = run(tmp_path, "--scheme exact-flight --points 1 --extremes", code=1)
     assert "1 of 2 extremes of the formulas and samplers hold." in done.output
     page = (tmp_path / "map" / "stability.md").read_text(encoding="utf-8")
-    assert re.findall(r"^\| (.) \|.*[✓✗]", page[page.index("## Extreme") :], re.MULTILINE) == [
-        "E",
-        "u",
-    ]
-    assert len((tmp_path / "map" / "extremes.csv").read_text().splitlines()) == 3
+    rows = re.findall(r"^\| (.) \|.*[✓✗]", page[page.index("## Extreme") :], re.MULTILINE)
+    assert rows == ["E", "u"]
 
 
 def test_undiagnosed_bias_ends_with_an_exit_code(tmp_path, monkeypatch):
     monkeypatch.setattr(charts.Ensemble, "diagnostics", ())
-    assert (
-        "without a diagnostic: a defect."
-        in run(tmp_path, "--scheme", "euler-maruyama", code=1).output
-    )
+    done = run(tmp_path, "--scheme euler-maruyama", code=1)
+    assert "without a diagnostic: a defect." in done.output
 
 
 def test_the_advice_and_the_key_figure_count_the_cells():
@@ -206,7 +166,3 @@ def test_the_advice_and_the_key_figure_count_the_cells():
         == "Take `exact-flight`: at its default step 2 of 2 scenes, extreme ones among them, are"
         " shown to be unbiased and none to be biased (unbiased: 1 for `euler-maruyama`)."
     )
-    widths = {
-        c.get_label(): [bar.get_width() for bar in c] for c in summary(table).axes[0].containers
-    }
-    assert widths == {UNBIASED: [2, 1], BIASED: [0, 1]}
