@@ -8,7 +8,7 @@ import pytest
 from scenes import TREES
 
 from rattle import Record, follow, mean_map, simulate
-from rattle.scene import DAT21, Scene, Tolerance, section_names, state_names
+from rattle.scene import DAT21, Scene, Start, Tolerance, section_names, state_names
 
 dat21 = partial(Scene.from_gears, DAT21)
 TOLERANCES = {
@@ -118,3 +118,17 @@ def test_mean_shift_and_skewness_are_of_second_order(name):
     if name == "noise":  # a flank is no Gaussian
         assert standard_errors(scene, run, ["skew_"], order=3).max(axis=None) < 4.0
         assert (run.section["skew_tau"] / run.section["se_skew_tau"]).abs().max() > 7.5
+
+
+def test_a_graze_is_reported_and_ends_the_closure():
+    """Thrown against a constant pull with just the speed that reaches the wall: no derivative
+    exists there."""
+    for excess, grazes in ((1e-14, True), (1e-6, False)):
+        start = Start(0.0, 0.0, -1.0 - excess)
+        scene = Scene(
+            alpha=0.0, epsilon=0.9, beta1=0.0, gamma1=1.0, stages=1, sigma=0.01, start=start
+        )
+        m = mean_map(scene, impacts=2)
+        assert ("impact 1 grazes" in m.stopped) == grazes
+        assert (m.trace.found == 0) == grazes
+        assert m.section["tau"].isna().all() == grazes

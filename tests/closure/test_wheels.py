@@ -11,10 +11,13 @@ from scenes import TREES, tree
 from rattle.closure import Closure, closures_for, follow, mean_map
 from rattle.closure.section_map import (
     MOST_COMBINATIONS,
+    section_derivatives,
     start_covariance,
     start_pieces,
 )
 from rattle.scene import DAT21, InputError, Scene, Start, Tolerance, state_names
+from rattle.scene.flight import flow
+from rattle.scene.orbit import Impacts
 
 IMPACTS = 12
 FORK = tree((0, 1, 1), sigma=1e-3)
@@ -77,6 +80,34 @@ def test_saltation_is_the_linear_system_of_all_wheels(scene):
     at = m.at_times(scene.to_absolute_time(times))[[f"cov_{name}_{name}" for name in names]]
     exact = np.diagonal(middles, axis1=1, axis2=2)
     assert at.to_numpy() == pytest.approx(exact, rel=1e-9, abs=1e-14)
+
+
+def test_derivatives_of_the_section_map_are_its_differences():
+    """First and second ones by the state after an impact and by the noise, of four wheels."""
+    scene = TREES["tree of 4"]
+    c = scene.constants
+    orbit = follow(scene, 3)
+    size = orbit.before.shape[1]
+    first, second, bent = section_derivatives(c, Impacts.of(orbit, slice(2, 4)), 1 + size)
+    t = orbit.tau[3] - orbit.tau[2]
+    i = 2 * orbit.mesh[3] - 2
+
+    def land(change):
+        tau = orbit.tau[2] + change[0]
+        state = flow(c, tau, orbit.after[2] + change[1 : 1 + size], t) + change[1 + size :]
+        late = 0.0
+        for _ in range(8):  # Newton steps to the wall
+            there = flow(c, tau + t, state, late)
+            late -= (there[i] - orbit.before[3, i]) / there[i + 1]
+        return np.array([tau + t + late, *flow(c, tau + t, state, late)])
+
+    steps = 1e-4 * np.eye(1 + 2 * size)
+    ahead, back = (np.array([land(sign * step) for step in steps]) for sign in (1.0, -1.0))
+    assert first[0] == pytest.approx((ahead - back).T / 2e-4, rel=1e-5, abs=1e-6)
+    for j, step in enumerate(steps):
+        moved = [[land(a * step + b * other) for other in steps] for a in (1, -1) for b in (1, -1)]
+        both = (np.array(moved[0]) - moved[1] - moved[2] + moved[3]).T / 4e-8
+        assert second[0, :, j] == pytest.approx(both[bent], rel=1e-4, abs=1e-4)
 
 
 def test_branching_is_saltation_where_noise_is_small_and_has_other_itineraries_where_not():

@@ -7,12 +7,12 @@ import subprocess
 import pytest
 from commands import rattle, study
 from small_disks import disk
-from studies import CELLS_FOLDER
+from studies import CELLS_FOLDER, Runner, Store, run
 
 from rattle import Study, load_study
 from rattle.compare.report.save import MANIFEST
 from rattle.compare.study.folder import is_current
-from rattle.scene import FileError
+from rattle.scene import FileError, OutputError
 
 TEXT = study("noise", impacts=2, paths=1024, sigma=(0.01, 0.02))
 
@@ -35,6 +35,19 @@ def once(tmp_path_factory):
 @pytest.fixture
 def finished(file, once):
     return shutil.copytree(once, file.with_suffix(""))
+
+
+def test_a_disk_that_fills_while_cells_are_written(tmp_path):
+    wanted = Study.from_toml(study(impacts=2, paths=1024, sigma=(0.01, 0.02, 0.03, 0.04, 0.05)))
+    with disk(tmp_path / "disk", "250k") as place:
+        store = Store(place / CELLS_FOLDER)
+        with pytest.raises(OutputError, match="the disk is full"):
+            run(wanted.cells, store, Runner(1))
+        kept = len(wanted.cells) - len(store.missing(wanted.cells))
+        assert 0 < kept < 10
+        assert not list(store.folder.glob(".*.part"))
+        subprocess.run(["mount", "-o", "remount,size=20m", place], check=True)
+        assert run(wanted.cells, store, Runner(1)).computed == 10 - kept
 
 
 def test_a_disk_that_fills_while_the_page_is_written(file, tmp_path):

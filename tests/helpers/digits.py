@@ -1,4 +1,4 @@
-"""The formulas of docs/model.md sections 2 and 6 in 400 digits, as they stand there.
+"""The formulas of docs/model.md sections 2, 3 and 6 in 400 digits, as they stand there.
 
 Written wheel by wheel, with divisions by beta: with so many digits cancellation does not matter,
 and beta = 0 can be replaced by 1e-30.  No function of `rattle` is used.
@@ -32,6 +32,13 @@ def _phi(beta, t):
     return mp.exp(-beta * t), e, (t - e) / beta
 
 
+@in_digits
+def phi_functions(beta, t):
+    """phi1 and phi2 of damping as doubles."""
+    _, e, g = _phi(mp.mpf(beta or NIL), mp.mpf(t))
+    return float(e), float(g)
+
+
 def _gap(wheel, i, of):
     """``sign (of_i - k of_parent)`` of a wheel; `of` by wheel."""
     carried = mp.mpf(wheel.ratio) * of[wheel.parent] if wheel.parent >= 0 else 0
@@ -47,62 +54,65 @@ def _deviations(c, s):
     return v
 
 
-def _flown(c, tau, s, t):
-    """Changes of the displacements and new rates after a flight, in the order of the state."""
-    moved = []
-    gained = []
-    for wheel, turn, beta, vi in zip(
-        c.wheels, _turns(c), _betas(c), _deviations(c, s), strict=True
-    ):
-        d, e, drag = _phi(beta, t)
-        driver = turn * mp.mpf(c.alpha)
-        speed = driver * mp.cos(tau) - vi
-        gamma = mp.mpf(wheel.gamma)
-        moved.append(driver * (mp.sin(tau + t) - mp.sin(tau)) - (speed * e - gamma * drag))
-        gained.append(driver * mp.cos(tau + t) - (speed * d - gamma * e))
-    return [_gap(wheel, i, of) for i, wheel in enumerate(c.wheels) for of in (moved, gained)]
-
-
 @in_digits
 def flight(c, tau, s, t):
-    """The end of a flight, as `_flown`, and the sum of the absolute values of its terms."""
-    tau, t = (mp.mpf(v) for v in (tau, t))
-    sine = abs(mp.sin(tau))
-    cosine = abs(mp.cos(tau))
+    """Changes of the displacements and new rates after a flight, in the order of the state; and the
+    sum of the absolute values of their terms."""
+    a, tau, t = (mp.mpf(v) for v in (c.alpha, tau, t))
+    sine = mp.sin(tau)
+    cosine = mp.cos(tau)
     versine = 1 - mp.cos(t)
+    moved = []
+    gained = []
     parts = [_phi(beta, t) for beta in _betas(c)]
-    drivers = [turn * mp.mpf(c.alpha) for turn in _turns(c)]
-    speeds = [
-        driver * cosine + abs(vi) for driver, vi in zip(drivers, _deviations(c, s), strict=True)
-    ]
+    v = _deviations(c, s)
+    speeds = []
+    turns = _turns(c)
+    for wheel, turn, (d, e, drag), vi in zip(c.wheels, turns, parts, v, strict=True):
+        driver = turn * a
+        speed = driver * cosine - vi
+        speeds.append(abs(driver * cosine) + abs(vi))
+        gamma = mp.mpf(wheel.gamma)
+        moved.append(driver * (mp.sin(tau + t) - sine) - (speed * e - gamma * drag))
+        gained.append(driver * mp.cos(tau + t) - (speed * d - gamma * e))
+    values = []
     sizes = []
     for i, (wheel, (d, e, drag)) in enumerate(zip(c.wheels, parts, strict=True)):
+        values += [_gap(wheel, i, moved), _gap(wheel, i, gained)]
         y = abs(mp.mpf(s[2 * i + 1]))
         size = [y * e + wheel.gamma * drag, y * d + wheel.gamma * e]
         if wheel.parent < 0:
-            size[0] += drivers[i] * (cosine * abs(mp.sin(t) - e) + sine * versine)
-            size[1] += drivers[i] * (cosine * (wheel.beta * e + versine) + sine * abs(mp.sin(t)))
+            driver = turns[i] * a
+            size[0] += driver * (abs(cosine * (mp.sin(t) - e)) + abs(sine) * versine)
+            size[1] += driver * (
+                abs(cosine) * (mp.mpf(wheel.beta) * e + versine) + abs(sine * mp.sin(t))
+            )
         else:
             parent = c.wheels[wheel.parent]
             other_d, other_e, other_drag = parts[wheel.parent]
-            speed = speeds[wheel.parent]
-            size[0] += wheel.ratio * (speed * abs(other_e - e) + parent.gamma * other_drag)
-            size[1] += wheel.ratio * (speed * abs(other_d - d) + parent.gamma * other_e)
+            k = mp.mpf(wheel.ratio)
+            speed = k * speeds[wheel.parent]
+            size[0] += speed * abs(other_e - e) + k * parent.gamma * other_drag
+            size[1] += speed * abs(other_d - d) + k * parent.gamma * other_e
         sizes += size
-    return [float(v) for v in _flown(c, tau, s, t)], [float(v) for v in sizes]
+    return [float(v) for v in values], [float(v) for v in sizes]
 
 
 @in_digits
 def jacobian(c, t):
-    """The Jacobian of a flight, ``exp(A t)``: what a unit of each rate adds."""
+    """The Jacobian of a flight, ``exp(A t)``."""
     size = 2 * len(c.wheels)
-    time = mp.mpf(t)
-    rest = _flown(c, 0, [0] * size, time)
-    columns = mp.eye(size).tolist()
-    for j in range(1, size, 2):
-        flown = _flown(c, 0, columns[j], time)
-        columns[j] = [a - b for a, b in zip(flown, rest, strict=True)]
-    return [[float(column[i]) for column in columns] for i in range(size)]
+    parts = [_phi(beta, mp.mpf(t)) for beta in _betas(c)]
+    rows = mp.eye(size)
+    for j in range(len(c.wheels)):
+        unit = [0] * size
+        unit[2 * j + 1] = 1
+        v = _deviations(c, unit)
+        for i, wheel in enumerate(c.wheels):
+            for at, place in ((2 * i, 1), (2 * i + 1, 0)):
+                moved = [vi * part[place] for vi, part in zip(v, parts, strict=True)]
+                rows[at, 2 * j + 1] = _gap(wheel, i, moved)
+    return [[float(rows[i, j]) for j in range(size)] for i in range(size)]
 
 
 def _responses(c, end):
@@ -158,3 +168,77 @@ def step_noise(c, tau, h, increment, slope):
         first = (h * mp.exp(rate * h) - plain) / rate  # of the lag
         integrals.append((increment + slope / 2) * plain - slope / h * first)
     return [float(mp.re(v)) * c.sigma / h for v in amplitudes * mp.matrix(integrals)]
+
+
+@in_digits
+def saltation(c, mesh, tau, before):
+    """The saltation matrix ``R + (F+ - R F-) g' / (g' F-)``, and for each entry the sum of the
+    absolute values of its terms."""
+    j = 2 * (mesh - 1)
+    size = len(before)
+    restitution = mp.eye(size)
+    struck = c.wheels[mesh - 1]
+    eps = mp.mpf(struck.epsilon)
+    # impulse of a unit rate, over what it changes there
+    mobility = [mp.mpf(0)] * len(c.wheels)
+    mobility[mesh - 1] = 1 / mp.mpf(struck.mass)
+    if struck.parent >= 0:
+        k = mp.mpf(struck.ratio)
+        mobility[struck.parent] = -k / mp.mpf(c.wheels[struck.parent].mass)
+    own = _gap(struck, mesh - 1, mobility)
+    turns = _turns(c)
+    for i, wheel in enumerate(c.wheels):
+        restitution[2 * i + 1, j + 1] -= (1 + eps) * _gap(wheel, i, mobility) / own
+
+    def rate(s, absolute=False):
+        """The drift, or the sum of the absolute values of its terms."""
+        driver = mp.mpf(c.alpha) * mp.cos(tau)
+        pushed = -mp.mpf(c.alpha) * mp.sin(tau)
+        v = _deviations(c, s)
+        sizes = []
+        forces = []
+        for wheel, turn, vi in zip(c.wheels, turns, v, strict=True):
+            beta = mp.mpf(wheel.beta)
+            forces.append(turn * pushed + beta * (turn * driver - vi) + mp.mpf(wheel.gamma))
+            sizes.append(beta * (abs(turn * driver) + abs(vi)) + mp.mpf(wheel.gamma))
+        out = []
+        for i, wheel in enumerate(c.wheels):
+            force = _gap(wheel, i, forces)
+            if absolute:
+                inner = mp.mpf(wheel.ratio) * sizes[wheel.parent] if wheel.parent >= 0 else 0
+                driven = abs(turns[i] * pushed) if wheel.parent < 0 else 0
+                force = sizes[i] + inner + driven
+            out += [abs(s[2 * i + 1]) if absolute else s[2 * i + 1], force]
+        return mp.matrix(out)
+
+    before = mp.matrix([value if i % 2 else 0 for i, value in enumerate(before)])
+    after = restitution * before
+    f = rate(before)
+    jump = rate(after) - restitution * f
+    size_of = restitution.apply(abs)
+    jump_size = rate(after, absolute=True) + size_of * rate(before, absolute=True)
+    for i in range(size):
+        restitution[i, j] += jump[i] / f[j]
+        size_of[i, j] += jump_size[i] / abs(f[j])
+    return tuple([[float(v) for v in row] for row in m.tolist()] for m in (restitution, size_of))
+
+
+@in_digits
+def window_integrals(low, high, order):
+    """``int z^n phi(z) dz`` and ``int |z|^n phi(z) dz`` over a window, for every n up to an
+    order."""
+
+    def by_parts(a, b):
+        """Over ``a <= z <= b``, from the error function upwards."""
+        edges = [mp.npdf(a), mp.npdf(b)]
+        out = [mp.ncdf(b) - mp.ncdf(a), edges[0] - edges[1]]
+        for n in range(2, order + 1):
+            ends = a ** (n - 1) * edges[0] - b ** (n - 1) * edges[1]
+            out.append(ends + (n - 1) * out[n - 2])
+        return out
+
+    low = mp.mpf(low)
+    high = mp.mpf(high)
+    middle = min(max(low, mp.mpf(0)), high)  # z has one sign on either side of it
+    parts = list(zip(by_parts(low, middle), by_parts(middle, high), strict=True))
+    return [a + b for a, b in parts], [abs(a) + abs(b) for a, b in parts]

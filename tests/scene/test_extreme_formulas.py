@@ -1,5 +1,6 @@
-"""Formulas at extreme values compared with 400 digits: flights, their derivatives and noise, steps,
-correlations; each comparison sees an error of ten times its tolerance.
+"""Formulas at extreme values compared with 400 digits: flights, their derivatives and noise, window
+means, steps, impacts; each comparison sees an error of ten times its tolerance, and formulas whose
+terms cancel.
 
 Each function yields what is found, the truth, and the unit in which errors are counted."""
 
@@ -10,10 +11,12 @@ import digits
 import mpmath as mp
 import numpy as np
 import pytest
+from digits import in_digits
 
+from rattle.closure import edgeworth
 from rattle.closure import saltation as linear
 from rattle.montecarlo.schemes import short_flight as short
-from rattle.scene import Scene, Start, Wheel, drive, flight, moments
+from rattle.scene import Scene, Start, Wheel, damping, drive, flight, moments, tangent
 
 ROUNDING = 4e-15  # a few roundings of a double
 
@@ -25,6 +28,8 @@ def spread(low, high, points, *more):
 
 BETAS = spread(1e-14, 1e3, 7, 0.0)
 TIMES = spread(1e-12, 1e6, 10)
+SERIES_ORDER = 6  # of the Edgeworth series
+EPSILONS = (0.0, 1e-12, 0.1, math.exp(-math.pi / math.sqrt(3.0)), 0.9, 1.0 - 2.0**-53, 1.0)
 
 
 def constants(betas=(0.08, 0.13), gammas=(0.06, 0.03), parents=(0, 1), ratios=(1.0, 1.0), **fields):
@@ -43,7 +48,7 @@ def constants(betas=(0.08, 0.13), gammas=(0.06, 0.03), parents=(0, 1), ratios=(1
 TREE = {"parents": (0, 1, 1), "ratios": (1.2, 0.7, 1.1)}
 
 
-def flights(seed, points=60):
+def flights(seed, points=120):
     """Random scenes, each with a phase and a flight time; dampings are far apart, equal, or equal
     but for the last digits.  Every third is a tree."""
     rng = np.random.default_rng(seed)
@@ -63,6 +68,13 @@ def flights(seed, points=60):
             gammas.append(0.5)
             tree = TREE
         yield constants(betas, gammas, alpha=alpha, **tree), tau, float(rng.choice(TIMES))
+
+
+def phi_functions():
+    for beta, t in product(BETAS, TIMES):
+        e, g = digits.phi_functions(beta, t)
+        yield damping.phi1(beta, t), e, e
+        yield damping.phi2(beta, t), g, g
 
 
 def flight_state():
@@ -94,7 +106,7 @@ def flight_noise():
 
 def noise_phase_derivative():
     h = 1e-3
-    for c, tau, t in flights(4, 20):
+    for c, tau, t in flights(4, 40):
         ahead, behind, quarter = (
             np.array(digits.noise(c, tau + change, t)) for change in (h, -h, 0.5 * math.pi)
         )
@@ -104,14 +116,74 @@ def noise_phase_derivative():
         yield linear.noise_slope(c, tau, t), exact, np.outer(sd, sd)
 
 
+def saltation():
+    rng = np.random.default_rng(5)
+    for epsilon, speed, mesh in product(EPSILONS, spread(1e-9, 1e4, 8), (1, 2)):
+        *betas, alpha = (float(v) for v in rng.choice(spread(1e-6, 1e3, 4, 0.0), 3))
+        gammas = (float(rng.choice([0.0, 1e4])), 0.03)
+        c = constants(betas, gammas, epsilon=epsilon, alpha=alpha)
+        other = float(rng.normal())
+        tau = float(rng.uniform(-3.0, 3.0))
+        before = np.array([0.0, speed, 0.0, other] if mesh == 1 else [0.0, other, 0.0, -speed])
+        found = tangent.saltation_matrix(c, mesh, tau, before)
+        yield found, *digits.saltation(c, mesh, tau, before)
+
+
+def series(seed):
+    """Random coefficients of an Edgeworth series."""
+    a = np.zeros((SERIES_ORDER + 1, SERIES_ORDER + 1))
+    rng = np.random.default_rng(seed)
+    for i in range(SERIES_ORDER + 1):
+        a[i, : SERIES_ORDER + 1 - i] = rng.normal(size=SERIES_ORDER + 1 - i) * 0.3 ** (i + 1)
+    a[0, 0] = 1.0
+    return a
+
+
+@in_digits
+def exact_window_means(a, low, high):
+    """Means of position and velocity over a window in sds, and the sums of their terms' sizes."""
+    integral, size = digits.window_integrals(low, high, SERIES_ORDER + 1)
+    values = []
+    sizes = []
+    for column, power in ((0, 1), (1, 0)):  # of the position, and of the velocity
+        weights = a[:, column, None] * edgeworth.HERMITE[: SERIES_ORDER + 1, : SERIES_ORDER + 1]
+        terms = [(n + power, w) for (_, n), w in np.ndenumerate(weights)]
+        values.append(float(sum(w * integral[n] for n, w in terms)))
+        sizes.append(float(sum(abs(w) * size[n] for n, w in terms)))
+    return np.array(values), np.array(sizes)
+
+
+def edgeworth_windows():
+    """Window means of Eqs. 20 and 21."""
+    for n, middle in enumerate([0.0, 1e-9, 0.3, -2.0, 8.0, -20.0, 35.0]):
+        for width in spread(1e-12, 30.0, 8):
+            a = series(n)
+            sd = 10.0 ** (n - 3)
+            low = (middle - 0.5 * width) * sd
+            high = (middle + 0.5 * width) * sd
+            exact, size = exact_window_means(a, low / sd, high / sd)
+            # of the density, since the edges are rounded
+            condition = 1.0 + abs(middle) * (abs(middle) + width)
+            condition += abs(middle) / width  # of the width, since both edges are rounded
+            sds = np.array([sd, 2.0 * sd])
+            found = edgeworth.window_means(a, sd, 2.0 * sd, low, high)
+            yield found, sds * exact, sds * size * condition
+
+
 def correlations():
-    """Correlations close to 1, and realizability, in any units."""
-    for unit, distance, sign in product(spread(1e-16, 1e8, 7), spread(1e-12, 1.0, 7), (1.0, -1.0)):
-        exact = 1.0 + sign * distance
-        found = moments.realizability(np.array([[unit * unit, exact * unit], [exact * unit, 1.0]]))
-        within = exact <= 1.0 or distance < moments.RHO_ROUNDING
-        assert found.realizable == within
-        yield found.rho, min(exact, 1.0) if within else exact, 1.0
+    """Correlations close to 1, smallest eigenvalues and realizability, in any units."""
+    smallest = in_digits(lambda m: float(mp.eigsy(mp.matrix(m.tolist()), eigvals_only=True)[0]))
+    for unit in spread(1e-16, 1e8, 7):
+        none = np.array([[0.0, 1e-3 * unit], [1e-3 * unit, 1.0]])  # no variance, yet a covariance
+        assert not moments.realizability(none).realizable
+        for distance, sign in product(spread(1e-12, 1.0, 7), (1.0, -1.0)):
+            exact = 1.0 + sign * distance
+            covariance = np.array([[unit * unit, exact * unit], [exact * unit, 1.0]])
+            found = moments.realizability(covariance)
+            within = exact <= 1.0 or distance < moments.RHO_ROUNDING
+            assert found.realizable == within
+            yield found.rho, min(exact, 1.0) if within else exact, 1.0
+            yield found.smallest_eigenvalue, smallest(covariance), min(unit, 1.0) ** 2
 
 
 def step_phase():
@@ -160,10 +232,13 @@ def step_noise():
 
 
 ALLOWED = {
+    phi_functions: ROUNDING,
     flight_state: ROUNDING,
     flight_jacobian: ROUNDING,
     flight_noise: 1e-13,
     noise_phase_derivative: 1e-11,
+    saltation: ROUNDING,
+    edgeworth_windows: ROUNDING,
     correlations: ROUNDING,
     step_phase: ROUNDING,
     step_flight: ROUNDING,
@@ -188,3 +263,11 @@ def test_formula_at_extreme_values(compared):
     allowed = ALLOWED[compared]
     assert largest_error(rows) <= allowed
     assert largest_error(rows, 1.0 + 10.0 * allowed) > allowed
+
+
+def test_comparison_sees_cancellation(monkeypatch):
+    def cancelling(beta, t):
+        return (t - damping.phi1(beta, t)) / beta if beta else 0.5 * t * t
+
+    monkeypatch.setattr(damping, "phi2", cancelling)
+    assert largest_error(phi_functions()) > ROUNDING
