@@ -123,6 +123,21 @@ def test_command_writes_map_tables_and_page(tmp_path):
     assert "Ensemble.diagnostics" in page
 
 
+def test_an_interrupted_map_computes_what_is_missing(tmp_path, monkeypatch):
+    settings = {"points": 2, "paths": 1000, "seed": 0, "workers": 2, "folder": tmp_path}
+    whole = charts.chart(["exact-flight"], ["epsilon"], **settings).table
+    next((tmp_path / "cells").glob("*.parquet")).unlink()
+    begun = []
+    own = charts.reference
+    monkeypatch.setattr(
+        charts, "reference", lambda scene, **how: begun.append(scene) or own(scene, **how)
+    )
+    pd.testing.assert_frame_equal(
+        charts.chart(["exact-flight"], ["epsilon"], **settings).table, whole, check_exact=True
+    )
+    assert len(begun) == 1
+
+
 def test_an_extreme_that_does_not_hold_is_on_the_page_and_in_the_exit_code(tmp_path, monkeypatch):
     about = {"quantity": "beta", "statement": "0 to 1e3", "reference": "a limit", "unit": "each"}
     rows = {
