@@ -331,6 +331,18 @@ def refusals(samples, predicted, tmp_path):
         ("no block", predicted, iter([])),
         ("is no table", predicted, tmp_path),
         ("unit", predicted, 1e-200 * samples),
+        ("same paths and rows", predicted, {"x": samples[:, :, 0], "v": samples[:, :2, 1]}),
+        ("(paths, rows)", predicted, {"x": samples[:, 0, 0]}),
+        (
+            "other quantities",
+            predicted,
+            iter([as_long(samples), {"x": samples[:, :, 0]}]),
+        ),
+        (
+            "must be 0 or greater",
+            predicted[["x"]],
+            pd.DataFrame({"x": 0.0, "se_x": -0.1}, index=TIMES),
+        ),
         (
             "add the column 'sd_x'",
             predicted[["x"]],
