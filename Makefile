@@ -12,7 +12,7 @@ SLOW := tests/faults tests/interpreted tests/page tests/security
 PHYSICS := arithmetic drive impact rest
 INTERPRETED := tests/interpreted $(PHYSICS:%=tests/scene/test_%.py)
 
-# Counting the lines that tests reach slows the interpreter by a quarter: it has a target of its own.
+# The lines that the first tier reaches are counted where both tiers run, for that slows the interpreter.
 COUNT := --cov --cov-append --cov-report=
 # Three files at a time on two cores, for many tests wait for processes that they have started; in their order, so that
 # the many small files of the doctests come last and fill up.
@@ -23,7 +23,7 @@ ALL = --pyargs tests rattle
 # Hundreds of processes import the same modules: byte code is kept, whatever the caller's environment says.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: venv report test test-all coverage docs audit pins clean
+.PHONY: venv report test test-all docs audit pins clean
 
 report: $(READY)
 	$(RUN)/rattle validate --out reports/dat21 --overwrite
@@ -33,20 +33,15 @@ venv: $(READY)
 
 # What finds a defect in minutes.
 test: $(READY)
+	rm -f .coverage
 	$(RUN)/rattle warm-up & compiling=$$!; \
 		$(RUN)/ruff check . && $(RUN)/ruff format --check . && $(RUN)/mypy && wait $$compiling
-	$(TEST) $(ALL) -m "not slow" $(SLOW:%=--ignore=%)
+	$(TEST) $(ALL) -m "not slow" $(SLOW:%=--ignore=%) $(if $(filter test-all,$(MAKECMDGOALS)),$(COUNT))
 
-# Both tiers, and the interpreter.
+# Both tiers, and how much of each package the first one and the interpreter reach.
 test-all: test
 	sh setup-browser.sh
 	$(TEST) -m slow --ignore=tests/interpreted tests
-	NUMBA_DISABLE_JIT=1 $(TEST) $(INTERPRETED)
-
-# How much of each package the first tier and the interpreter reach.
-coverage: $(READY)
-	rm -f .coverage
-	$(TEST) $(ALL) -m "not slow" $(SLOW:%=--ignore=%) $(COUNT)
 	NUMBA_DISABLE_JIT=1 $(TEST) $(INTERPRETED) $(COUNT)
 	for package in scene closure montecarlo compare; do \
 		$(RUN)/coverage report --include="$$package/*" --skip-covered --fail-under=95 || exit 1; \
