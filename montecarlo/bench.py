@@ -31,7 +31,7 @@ LOOPS = 100
 LOOP_PATHS = 1250
 LOOP_STEPS = 800  # of the skilled loop's paths: about as many as twelve impacts take
 NUMBERS_OF_WHEELS = (1, 2, 4, 8, 16)
-FAR = 1e6  # half gap of which no wall is met
+FAR_GAP = 1e6  # half gap of which no wall is met
 SKILLED = "a skilled loop in numba, without statistics"
 SCALAR = "one normal by standard_normal"
 NORMAL = "one standard normal"
@@ -168,7 +168,7 @@ def _tree(base: Scene, wheels: int) -> Scene:
         Wheel(
             beta=base.beta1 * (1.0 + 0.1 * number),
             gamma=base.gamma1,
-            gap=FAR,
+            gap=FAR_GAP,
             parent=(number + 1) // 2,
         )
         for number in range(wheels)

@@ -11,6 +11,7 @@ from typing import Any
 from rattle.scene.compiled import inline, lean
 from rattle.scene.damping import Damped
 
+PERIOD = 2.0 * math.pi  # of the motion
 # pi / 2 in three parts; multiples of the first two below 2^20 are exact
 QUARTER_HIGH = 1.57079632673412561417
 QUARTER_MIDDLE = 6.07710050630396597660e-11

@@ -16,6 +16,7 @@ import numpy as np
 from rattle.scene.compiled import internal, jit, splice
 from rattle.scene.damping import damped, pair
 from rattle.scene.drive import (
+    PERIOD,
     acceleration,
     excite,
     highest_order,
@@ -32,7 +33,6 @@ _nodes, _weights = gauss_legendre(16)
 NODES = 0.5 * (_nodes + 1.0)
 WEIGHTS = 0.5 * _weights
 PANEL = 2.0
-TURN = 2.0 * math.pi
 
 
 @jit
@@ -305,12 +305,12 @@ def _over_orders(
 ) -> Floats:
     """Covariance of unit noise for a drive of several orders: whole periods by doubling, then the
     rest of the time."""
-    periods = int(t / TURN)
-    rest = t - periods * TURN
+    periods = int(t / PERIOD)
+    rest = t - periods * PERIOD
     out = np.zeros((2 * c.wheels.size, 2 * c.wheels.size))
     if periods > 0:
-        q = _over_panels(c, v, apart, tau, TURN, panel)
-        h = TURN
+        q = _over_panels(c, v, apart, tau, PERIOD, panel)
+        h = PERIOD
         while True:
             if periods & 1:
                 out = congruence(_propagate(c, v, apart, h), out) + q

@@ -13,6 +13,7 @@ import numpy as np
 
 from rattle.scene import Constants, Floats, Ints, Scene
 from rattle.scene.compiled import jit
+from rattle.scene.drive import PERIOD
 from rattle.scene.flight import flow
 from rattle.scene.impact import MISSES, NONE, REST, strike
 from rattle.scene.orbit import (
@@ -26,8 +27,6 @@ from rattle.scene.orbit import (
     stick,
 )
 from rattle.scene.tangent import Stretch, grow
-
-PERIOD = 2.0 * math.pi
 
 PERIODIC = "periodic"
 REST_FOR_GOOD = "rest"

@@ -16,7 +16,7 @@ from rattle.scene.types import Floats, Ints
 
 DEGREE = math.pi / 180.0
 RPM = 2.0 * math.pi / 60.0
-ALONG = {"time": {"s": 1.0, "ms": 1e-3}, "angle": {"rad": 1.0, "deg": DEGREE, "°": DEGREE}}
+STEP_UNITS = {"time": {"s": 1.0, "ms": 1e-3}, "angle": {"rad": 1.0, "deg": DEGREE, "°": DEGREE}}
 VALUES = {
     "displacement": {"rad": 1.0, "deg": DEGREE, "°": DEGREE, "mm": 1.0},
     "speed": {"rad/s": 1.0, "rpm": RPM, "1/min": RPM, "deg/s": DEGREE, "mm/s": 1.0},
@@ -82,7 +82,7 @@ def read_measurement(file: str | Path) -> Measurement:
             "drive.file", f"{len(read)} samples", f"is too short: {LEAST_ROWS} rows are the least"
         )
     lines, at, written = (np.array(column) for column in zip(*read, strict=True))
-    at = at * ALONG[along][step]
+    at = at * STEP_UNITS[along][step]
     values = written * VALUES[quantity][unit]
     if along == "angle":
         at = np.unwrap(at)
@@ -123,7 +123,7 @@ def _read_header(head: str, names: list[str]) -> list[tuple[str, str]]:
         why = f"has {len(names)} column{'s' * (len(names) != 1)}; keep two, as in: {FILE_EXAMPLE}"
         raise InputError("drive.file", head, why)
     found = []
-    for name, known in zip(names, (ALONG, VALUES), strict=True):
+    for name, known in zip(names, (STEP_UNITS, VALUES), strict=True):
         parts = HEADER.fullmatch(name)
         if parts is None:
             why = f"name two columns with their units in its first line, as in: {FILE_EXAMPLE}"
@@ -175,7 +175,7 @@ def _check_rise(along: str, step: str, at: Floats, lines: Ints) -> None:
     if not len(still):
         return
     k = int(still[0]) + 1
-    before, after = at[k - 1 : k + 1] / ALONG[along][step]
+    before, after = at[k - 1 : k + 1] / STEP_UNITS[along][step]
     why = f"is that of line {lines[k - 1]} again"
     if after < before:
         why = f"is another step than the others, back from {before:g} of line {lines[k - 1]}"

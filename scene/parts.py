@@ -46,7 +46,7 @@ LARGEST_BETA = 1e4
 LARGEST_RATE = 1e6  # of excitation, drag and noise
 MASSES = (1e-6, 1e6)  # of a wheel over that of wheel 1
 RATIOS = (1e-3, 1e3)
-DRIVER = "driver"
+DRIVERS_NAME = "driver"
 """What wheels may call the driver, which has the number 0."""
 # as a part of a name of a value (wheel.third.torque) and in the label of a column
 WHEEL_NAME = re.compile(r"[^\W\d_][\w-]{0,23}")
@@ -140,7 +140,7 @@ def find_parents(wheels: Sequence[Any], field: str) -> tuple[int, ...]:
     if len(wheels) > MOST_WHEELS:
         raise InputError("wheels", len(wheels), f"at most {MOST_WHEELS} wheels")
     labels = wheel_labels(wheels)
-    numbers = {DRIVER: 0}
+    numbers = {DRIVERS_NAME: 0}
     for number, wheel in enumerate(wheels, 1):
         place = f"wheel.{number}.name"
         if wheel.name == "":
@@ -150,7 +150,9 @@ def find_parents(wheels: Sequence[Any], field: str) -> tuple[int, ...]:
             raise InputError(place, wheel.name, why)
         if wheel.name in numbers:
             why = (
-                "is the name of the driver" if wheel.name == DRIVER else "two wheels have this name"
+                "is the name of the driver"
+                if wheel.name == DRIVERS_NAME
+                else "two wheels have this name"
             )
             raise InputError(place, wheel.name, f"{why}; rename one")
         numbers[wheel.name] = number

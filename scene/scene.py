@@ -64,7 +64,7 @@ for them."""
 PLAIN_WHEEL = Wheel(beta=0.0, gamma=0.0)
 TABLES = ("gears", "wheel", "scene", "drive")
 """Tables of a scene file."""
-FREE = ("sigma", "tolerance", "start", "stages", "drive", "correlation_time")
+FREE_FIELDS = ("sigma", "tolerance", "start", "stages", "drive", "correlation_time")
 """Fields of a scene that gears do not fix."""
 
 
@@ -215,7 +215,7 @@ class Scene:
         }
         if self.gears is None:
             return as_call("Scene", shown)
-        settings = {name: shown[name] for name in FREE if name in shown}
+        settings = {name: shown[name] for name in FREE_FIELDS if name in shown}
         return as_call(
             "Scene.from_gears", settings, first="DAT21" if self.gears == DAT21 else repr(self.gears)
         )
@@ -429,7 +429,7 @@ class Scene:
         >>> Scene.from_gears(DAT21, sigma=0.1, stages=1).stages
         1
         """
-        errors.check_keys("Scene.from_gears", settings, FREE)
+        errors.check_keys("Scene.from_gears", settings, FREE_FIELDS)
         if not isinstance(gears, Gears):
             raise InputError("gears", gears, "give Gears")
         is_single = len(gears.tree) == 1 and not gears.wheels
@@ -497,7 +497,7 @@ class Scene:
             why = "this scene was not made from gears; use Scene.from_gears, or a file with [gears]"
             raise InputError("gears", None, why)
         gears = change_gears(self.gears, changes)
-        settings = {name: getattr(self, name) for name in FREE}
+        settings = {name: getattr(self, name) for name in FREE_FIELDS}
         if self.tolerance is not None:
             # old unit of length over the new one
             unit = self.gears.units.length / gears.units.length
@@ -737,7 +737,7 @@ class Scene:
             {"gears": gears}
             | ({"wheel": wheels} if wheels else {})
             | drive
-            | {"scene": {k: v for k, v in values.items() if k in FREE}}
+            | {"scene": {k: v for k, v in values.items() if k in FREE_FIELDS}}
         )
 
     @classmethod
@@ -778,7 +778,7 @@ class Scene:
             settings["wheels"] = [_read_wheel(table) for table in settings["wheels"]]
         if "gears" in data:
             table = gears_input.own_amplitude(_table("gears", data["gears"]), data.get("drive"))
-            errors.check_keys("scene", settings, FREE)
+            errors.check_keys("scene", settings, FREE_FIELDS)
             gears = gears_input.read_gears(table, settings.get("stages", 2), data.get("wheel"))
             if gears.wheels and "stages" in settings:
                 why = "leave it out: there are as many as tables [[wheel]]"

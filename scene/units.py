@@ -17,7 +17,7 @@ UNITS = ("dimensionless", "physical")
 
 QUANTITY = re.compile(r"(?:se_|bias_)?(?:sd_)?(tau|flight|energy|[xy])[0-9]*")
 """Columns that have the unit of their quantity; skewness has none."""
-COVARIANCE = re.compile(r"(?:se_)?cov_([xy])[0-9]+_([xy])[0-9]+")
+COVARIANCE_COLUMN = re.compile(r"(?:se_)?cov_([xy])[0-9]+_([xy])[0-9]+")
 UNIT_OF_QUANTITY = {"tau": "ms", "flight": "ms", "energy": "mJ", "x": "mm", "y": "mm_per_s"}
 RATE = "impacts_per_s"
 """Column of the inverse of the mean time of flight."""
@@ -54,7 +54,7 @@ class Units(NamedTuple):
         if quantity := QUANTITY.fullmatch(name):
             unit = UNIT_OF_QUANTITY[quantity[1]]
             return unit, factors[unit]
-        if pair := COVARIANCE.fullmatch(name):
+        if pair := COVARIANCE_COLUMN.fullmatch(name):
             one, other = sorted(UNIT_OF_QUANTITY[kind] for kind in pair.groups())
             return PRODUCTS[one, other], factors[one] * factors[other]
         return None

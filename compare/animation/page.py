@@ -16,13 +16,13 @@ from typing import Any
 import numpy as np
 from markupsafe import Markup
 
-from rattle.compare.animation.record import ANIMATED_SCHEME, PERIOD, Motion, Recording
+from rattle.compare.animation.record import ANIMATED_SCHEME, Motion, Recording
 from rattle.compare.report.folder import check_own, check_place, refusals, write_whole
 from rattle.compare.report.json_text import Facts, json_text
 from rattle.compare.report.render import render_animation
 from rattle.compare.report.texts import wheel_label
 from rattle.scene import Floats, OutputError, Scene, line
-from rattle.scene.drive import driver_motion
+from rattle.scene.drive import PERIOD, driver_motion
 
 GENERATOR = '<meta name="generator" content="rattle animate">'
 """In the head of every animation; a file without it is never replaced."""

@@ -13,6 +13,7 @@ import numpy as np
 from rattle.montecarlo import Record, Sampling, default_step, simulate
 from rattle.montecarlo.settings import is_random, most_impacts
 from rattle.scene import Floats, InputError, Ints, Scene, Start, count, state_names
+from rattle.scene.drive import PERIOD
 from rattle.scene.orbit import Orbit, follow
 from rattle.scene.parts import move_to_flanks
 
@@ -20,7 +21,6 @@ Refuse: TypeAlias = Callable[[str], InputError]
 """Makes the error that names what was asked for."""
 
 ANIMATED_SCHEME = "exact-flight"
-PERIOD = 2.0 * math.pi
 SHOWN_PERIODS = 4  # by default: 40 s to watch
 SETTLED_PERIODS = 64
 """Periods of the noise-free orbit before a settled start: twice the shortest burn-in that a long

@@ -23,7 +23,7 @@ from rattle.scene import Floats, InputError, Ints, Scene, count
 from rattle.scene.tangent import Stretch
 
 ORBIT = "orbit"
-DRIFT = "drift's linearisation along a noisy path"
+NOISY_PATH = "drift's linearisation along a noisy path"
 GROWTH_BATCHES = 32
 GROWTH_BLOCK = 128  # consecutive impacts whose growths are summed before they enter the batches
 DEFAULT_RECORD = 100_000  # impacts of a record without a required width
@@ -80,7 +80,7 @@ def ratio_mean(top: Floats, bottom: Floats) -> Mean:
 class Exponents:
     """Lyapunov exponents, per unit of dimensionless time, from the largest to the smallest."""
 
-    of: str  # the linearised system: `ORBIT` or `DRIFT`
+    of: str  # the linearised system: `ORBIT` or `NOISY_PATH`
     # value, half: exponents and half widths of their 95 % intervals; NaN without a record; (2
     # wheels,)
     value: Floats
@@ -294,7 +294,7 @@ def drift_exponents(
     """
     regime = Regime()
     record = (s for s, _ in noisy_record(scene, seed, regime, impacts=ENDLESS_RECORD))
-    return _measure(DRIFT, scene, record, regime, impacts, width, longest)
+    return _measure(NOISY_PATH, scene, record, regime, impacts, width, longest)
 
 
 class SqrtLaw(NamedTuple):

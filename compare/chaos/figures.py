@@ -13,7 +13,7 @@ from matplotlib.collections import QuadMesh
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 
-from rattle.compare.chaos.exponents import DRIFT, Exponents, SqrtLaw
+from rattle.compare.chaos.exponents import NOISY_PATH, Exponents, SqrtLaw
 from rattle.compare.chaos.measure import CLAIMED, ChaosStudy
 from rattle.compare.chaos.record import STICKS_AT_TIMES, STICKS_FOR_GOOD, STICKS_OFTEN
 from rattle.compare.chaos.section import MAP, NOISY, ORBIT_SECTION, Section
@@ -26,7 +26,7 @@ SIDE: Any = {
     ORBIT_SECTION: {"color": "#0072B2", "marker": "o"},
     MAP: {"color": "#009E73", "marker": "^"},
     NOISY: {"color": "#D55E00", "marker": "D"},
-    DRIFT: {"color": "#D55E00", "marker": "D"},
+    NOISY_PATH: {"color": "#D55E00", "marker": "D"},
     WITHOUT_NOISE: {"color": "#0072B2"},
     WITH_NOISE: {"color": "#D55E00"},
 }
@@ -132,7 +132,7 @@ def _spectrum(ax: Axes, s: Spectrum, side: str, highest: float) -> None:
 
 def _lines(ax: Axes, table: pd.DataFrame, field: str) -> None:
     """Draw the largest exponents with their intervals, and mark where the orbit sticks."""
-    for of in (ORBIT_SECTION, DRIFT):
+    for of in (ORBIT_SECTION, NOISY_PATH):
         rows: Any = table[table["of"] == of].sort_values(field)
         colour = SIDE[of]["color"]
         ax.fill_between(field, "low", "high", data=rows, color=colour, alpha=0.3, lw=0)

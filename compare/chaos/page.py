@@ -4,7 +4,7 @@ from typing import Any
 
 import pandas as pd
 
-from rattle.compare.chaos.exponents import DRIFT, ORBIT, crossings, say_crossings, signs
+from rattle.compare.chaos.exponents import NOISY_PATH, ORBIT, crossings, say_crossings, signs
 from rattle.compare.chaos.figures import draw
 from rattle.compare.chaos.measure import ChaosStudy
 from rattle.compare.chaos.record import STICKS_AT_TIMES, STICKS_FOR_GOOD, STICKS_OFTEN
@@ -111,7 +111,7 @@ def _count(study: ChaosStudy, of: str, who: str) -> dict[str, Any]:
 
 def answer(study: ChaosStudy, tables: dict[str, pd.DataFrame]) -> list[str]:
     """Summarise a study of chaos in sentences."""
-    movers = {ORBIT: "the orbit", DRIFT: "the noisy path"}
+    movers = {ORBIT: "the orbit", NOISY_PATH: "the noisy path"}
     names_by_reason: dict[str, list[str]] = {}
     for name, reason in study.missing.items():
         names_by_reason.setdefault(reason, []).append(name)

@@ -17,7 +17,7 @@ from rattle.scene.threshold import least_drags
 from rattle.scene.wheel import complete_wheels
 
 THRESHOLD_HALVINGS = 40  # of the interval in which a threshold lies
-TURN = 2.0 * math.pi
+TURN = 2.0 * math.pi  # rad of a turn of the driver
 
 
 @dataclass(frozen=True)

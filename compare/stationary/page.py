@@ -43,7 +43,7 @@ STATIONARY_WORDS: tuple[str, ...] = (
     "sticking",
 )
 
-BY_MESH: dict[str, str] = STATIONARY_TEXTS["by_mesh"]
+MESH_WORDS: dict[str, str] = STATIONARY_TEXTS["by_mesh"]
 
 
 def _units(found: Stationary) -> str:
@@ -109,7 +109,7 @@ def tabulate_meshes(found: Stationary, table: pd.DataFrame) -> Table:
     shown = table.dropna(subset="value")
     meshes = range(1, found.scene.stages + 1)
     rows = []
-    for name, words in BY_MESH.items():
+    for name, words in MESH_WORDS.items():
         by_mesh = found.scene.stages > 1 or name.endswith("_share")
         names = [f"{name}_mesh{mesh}" if by_mesh else name for mesh in meshes]
         cells = [show_quantity(shown, name) if name in shown.index else NO_VALUE for name in names]

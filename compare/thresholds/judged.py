@@ -17,7 +17,7 @@ JUDGED_OPTIONS = ("within", "undecided")
 """Options of the marker that a test without a scene may have."""
 
 MOST_ROWS_SHOWN = 40
-ROW_COLUMNS = (
+TABLE_COLUMNS = (
     ("predicted", "predicted", "{:.7g}"),
     ("sampled", "simulated", "{:.7g}"),
     ("error/sd", "error", "{:+.4g}"),
@@ -122,7 +122,7 @@ def _describe(found: Judgement, rows: pd.DataFrame) -> str:
     shown = rows.loc[share.index[:MOST_ROWS_SHOWN]]
     in_sds = ["error", "low", "high", "tolerance"]
     values = shown.assign(**shown[in_sds].div(shown["unit"], axis=0))
-    table = pd.DataFrame({head: values[n].map(form.format) for head, n, form in ROW_COLUMNS})
+    table = pd.DataFrame({head: values[n].map(form.format) for head, n, form in TABLE_COLUMNS})
     table.index = pd.Index(
         [
             f"{row['closure']}: {row['moment']} {row['quantity']} at {row[found.label]}"

@@ -39,7 +39,7 @@ from rattle.scene import Floats
 
 # blocks of paths for each exit, and for all
 BLOCKS_OF_AN_EXIT = 4
-LEAST_BLOCKS = 16
+LEAST_LEAVING_BLOCKS = 16
 ENOUGH_EXITS = 100.0  # expected paths of a run that leave by an exit from which on they are enough
 LEAVING_KEY = 0x1EA  # spawn key of the random numbers of these paths
 LEAVING_COLUMNS = ("impact", "mesh", "side", "probability", "low", "high", "paths", "near")
@@ -134,7 +134,7 @@ def _sample_near(run: Any, exits: Sequence[Exit]) -> Floats:
     scene = run.plan.scene.phase_reduced
     plan = run.plan._replace(scene=scene, scheme=EXACT_SCHEME, dt=dt, most_steps=most, seed=seed)
     itinerary = run.plan.itineraries[NOISE_FREE]
-    blocks = max(LEAST_BLOCKS, BLOCKS_OF_AN_EXIT * len(exits))
+    blocks = max(LEAST_LEAVING_BLOCKS, BLOCKS_OF_AN_EXIT * len(exits))
     for block in range(blocks):
         rows, weights, _, _ = sample_mixture(plan, mixture, block)
         follow_itinerary(rows, weights, itinerary, left)

@@ -12,6 +12,7 @@ from rattle.montecarlo.long_run.walk import WALK_LANES, Walk
 from rattle.montecarlo.schemes.quiet import LEFT_OUT_SHARE
 from rattle.montecarlo.schemes.step_state import Quiet
 from rattle.scene import Floats, Scene
+from rattle.scene.drive import PERIOD
 from rattle.scene.progress import ProgressBar
 
 PATH_BATCHES = 64
@@ -84,7 +85,7 @@ class LongPaths:
         are not slow."""
         main = self.main
         above = main[:, :, tally.NUMBER].sum() - main[:, :, tally.SLOW].sum()
-        rate = float(above) / (tally.PERIOD * self.periods * len(main))
+        rate = float(above) / (PERIOD * self.periods * len(main))
         for walk in self._walks:
             walk.leave_out(LEFT_OUT_SHARE * rate)
 
@@ -141,7 +142,7 @@ class LongPaths:
         """Bound of the rate of impacts that are not slow and were left out at closed meshes."""
         main = self.main
         above = float(main[:, :, tally.LEFT_OUT + 2].sum())
-        return above / (tally.PERIOD * self.periods * len(main))
+        return above / (PERIOD * self.periods * len(main))
 
     def at_rest(self) -> bool:
         """Whether a mesh of every path is closed at all instants of the last half."""

@@ -14,13 +14,12 @@ from rattle.montecarlo.long_run.sums import (
     ENERGY,
     LEFT_OUT,
     NUMBER,
-    PERIOD,
     PHASES,
     VELOCITY_CELLS,
     Collected,
 )
 from rattle.scene import Floats, Scene, duration_text
-from rattle.scene.drive import mean_square
+from rattle.scene.drive import PERIOD, mean_square
 
 
 class Contrast(NamedTuple):

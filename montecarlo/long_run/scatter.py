@@ -13,6 +13,7 @@ import numpy as np
 from rattle.montecarlo.long_run import sums as tally
 from rattle.montecarlo.long_run.sums import Collected
 from rattle.scene import Floats
+from rattle.scene.drive import PERIOD
 
 PATH_PARTS = 4
 """Parts of each path: long, so that the motion's memory correlates them little."""
@@ -87,7 +88,7 @@ def values_of_sets(c: Collected, quantity: str, group: int) -> SetValues | None:
     top, bottom = {
         "rate_above": (above, time),
         "speed_above": (parts[:, :, c.columns.above_speed + group], above),
-        "energy_per_period": (tally.PERIOD * energy, time),
+        "energy_per_period": (PERIOD * energy, time),
         "power": (energy, time),
     }[quantity]
     rattles = bottom.sum(axis=1) > 0.0  # a set without impacts has no speed

@@ -16,7 +16,7 @@ from scipy.special import expit
 from rattle.montecarlo.long_run.noise_work import CONTROLS
 from rattle.scene import Constants, Floats, Ints
 from rattle.scene.compiled import inline, internal
-from rattle.scene.drive import velocity_acceleration
+from rattle.scene.drive import PERIOD, velocity_acceleration
 from rattle.scene.impact import energy_loss
 
 Counts = NDArray[np.uint32]
@@ -36,7 +36,6 @@ OF_SPEED = 1
 ABOVE = 2
 DISTRIBUTION_KINDS = 3
 """Distributions: flight, speed, and the speed of impacts that are not slow; how many these are."""
-PERIOD = 2.0 * math.pi
 SAMPLES = 64
 """Instants of a period at which states are taken for averages over time."""
 POWER_SUMS = 7  # power sums of order 0 to 6

@@ -14,7 +14,7 @@ import numpy as np
 from rattle.montecarlo.kernel.block import Plan, begin_block
 from rattle.montecarlo.kernel.kernel import Job, Output, block_kernel, columns_recorded
 from rattle.montecarlo.long_run.noise_work import add_noise_work, has_controls
-from rattle.montecarlo.long_run.sums import NOISE, PERIOD, SAMPLES, Sums, add_left_out, add_stretch
+from rattle.montecarlo.long_run.sums import NOISE, SAMPLES, Sums, add_left_out, add_stretch
 from rattle.montecarlo.noise.philox import Word
 from rattle.montecarlo.schemes.exact_flight import EXACT
 from rattle.montecarlo.schemes.lanes import Lanes, Room
@@ -23,6 +23,7 @@ from rattle.montecarlo.schemes.step_state import Quiet
 from rattle.montecarlo.schemes.time_scales import time_scales
 from rattle.scene import Constants, Floats, Ints, Scene
 from rattle.scene.compiled import jit
+from rattle.scene.drive import PERIOD
 from rattle.scene.linear_algebra import put, put_row
 
 WALK_LANES = 128

@@ -24,7 +24,7 @@ from rattle.scene.drive import (
 Phase = tuple[float, ...]
 """Sine and cosine of a time; of several orders ``-f''``, ``f'``, ``-f'''`` and the time itself."""
 
-SHARES = np.array([0.0, *(1.0 / k for k in range(1, MOST_TERMS + 1))])
+RECIPROCALS = np.array([0.0, *(1.0 / k for k in range(1, MOST_TERMS + 1))])
 NEGLIGIBLE = 1e-16  # size of a Taylor term, relative to the first, after which the series ends
 
 
@@ -130,7 +130,7 @@ def _fly(
         before = 0.0
         speed[0] = sign * y + ratio * carried[0]
         for k in range(1, terms + 1):  # from the terms in u^(k - 1) to those in u^k
-            share = SHARES[k]
+            share = RECIPROCALS[k]
             hk = h * share
             m = by_acceleration * series[1, k - 1] + by_velocity * series[0, k - 1]
             moved += hk * y
@@ -165,7 +165,7 @@ def _expand_drive(
         first, second, third = begin_derivatives(drive, phase[3])
     terms = MOST_TERMS - 1
     for k in range(1, MOST_TERMS):
-        share = SHARES[k]
+        share = RECIPROCALS[k]
         hk = h * share
         series[0, k - 1] = power * first
         series[1, k - 1] = power * second

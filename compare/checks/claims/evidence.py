@@ -31,7 +31,7 @@ PATH_STEPS = 2_000_000
 MEAN_STEP = math.pi / 96.0  # time step of the mean motion
 EVERY = 12  # steps of it between two times: 16 a period
 # periods after which the start is forgotten, and periods compared with each other
-SETTLED_PERIODS = 8
+EVIDENCE_BURN_IN = 8
 COMPARED_PERIODS = 3
 ROOM_FOR_IMPACTS = 512  # more than any path has in these periods
 
@@ -139,7 +139,7 @@ def _repeats(stretches: Iterable[Stretch]) -> Mean:
 def mean_motion(scene: Scene, paths: int, seed: int, workers: int) -> MeanMotion:
     """Simulate the mean velocities after the start is forgotten."""
     period = round(2.0 * math.pi / MEAN_STEP)
-    first = SETTLED_PERIODS * period + EVERY
+    first = EVIDENCE_BURN_IN * period + EVERY
     steps = np.arange(first, first + COMPARED_PERIODS * period, EVERY)
     times = np.asarray(scene.start.tau + MEAN_STEP * steps, dtype=float)
     run = simulate(

@@ -16,7 +16,7 @@ from jinja2 import Environment, StrictUndefined
 
 from rattle.closure import mean_map
 from rattle.closure.published import after_flight, after_impact, plain_covariance
-from rattle.compare.chaos.exponents import DRIFT, ORBIT, Exponents, say_crossings
+from rattle.compare.chaos.exponents import NOISY_PATH, ORBIT, Exponents, say_crossings
 from rattle.compare.chaos.measure import CLAIMED
 from rattle.compare.chaos.record import STICKS_AT_TIMES, STICKS_FOR_GOOD, STICKS_OFTEN
 from rattle.compare.chaos.section import NOISY
@@ -291,7 +291,7 @@ class Signs(NamedTuple):
 def _sweeps(e: Evidence) -> Iterator[Signs]:
     """Orbit and drift along noisy paths over the sweep."""
     assert e.chaos.sweep is not None
-    for of in (ORBIT, DRIFT):
+    for of in (ORBIT, NOISY_PATH):
         rows = e.chaos.sweep[e.chaos.sweep["of"] == of]
         yield Signs(of, rows, rows["low"] > 0.0, rows["high"] < 0.0)
 

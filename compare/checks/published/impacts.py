@@ -31,8 +31,9 @@ from rattle.montecarlo.long_run.noise_work import CONTROLS
 from rattle.montecarlo.long_run.sums import NOISE
 from rattle.montecarlo.schemes.crossing import CLOSE_TO_WALL
 from rattle.scene import DAT21, Floats, Ints, Scene, Start
+from rattle.scene.drive import PERIOD
 from rattle.scene.impact import energy_loss
-from rattle.scene.long_orbit import PERIOD, LongOrbit, attractor
+from rattle.scene.long_orbit import LongOrbit, attractor
 from rattle.scene.orbit import follow
 
 TWO_STAGES = replace(DAT21, backlash2=0.3, epsilon=0.8)

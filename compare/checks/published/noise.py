@@ -64,7 +64,10 @@ MOST_CHANGED = 1e-4  # share of paths that this may change
 SIDES = (0.1, 0.25, 0.5, 0.75)
 
 TOLERANCE_WIDTH = 0.1  # of the tolerance
-SPREADS = {"uniform": 1.0 / math.sqrt(3.0), "normal": 0.5 * float(truncnorm(-2.0, 2.0).std())}
+WIDTH_SDS = {
+    "uniform": 1.0 / math.sqrt(3.0),
+    "normal": 0.5 * float(truncnorm(-2.0, 2.0).std()),
+}
 """Sd of a gap by its distribution, in widths of the tolerance; normal ones are cut at two sds."""
 
 
@@ -171,7 +174,7 @@ def random_gap(seed: int = 0, workers: int = 2) -> Found:
     gap."""
     coasting = bare(start=Start(0.0, 0.0, 1.0))
     rows = {}
-    for name in SPREADS:
+    for name in WIDTH_SDS:
         scene = replace(coasting, tolerance=Tolerance(TOLERANCE_WIDTH, distribution=name))
         run = simulate(scene, paths=EXIT_PATHS, impacts=1, rng=seed, workers=workers)
         rows[name] = run.section.iloc[0]
@@ -182,11 +185,11 @@ def random_gap(seed: int = 0, workers: int = 2) -> Found:
             sd = spreads[name] * width
             yield Check(f"sd of the wall, {name}", row["sd_x1"], sd, row["se_sd_x1"])
 
-    return checks(SPREADS), {
+    return checks(WIDTH_SDS), {
         "the other distribution": checks(
-            dict(zip(SPREADS, reversed(SPREADS.values()), strict=True))
+            dict(zip(WIDTH_SDS, reversed(WIDTH_SDS.values()), strict=True))
         ),
-        "a tolerance 5 % wider": checks(SPREADS, 1.05 * TOLERANCE_WIDTH),
+        "a tolerance 5 % wider": checks(WIDTH_SDS, 1.05 * TOLERANCE_WIDTH),
     }
 
 

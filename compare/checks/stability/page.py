@@ -38,7 +38,7 @@ CHART_MARKS: Any = {
 }
 """Colours of Okabe and Ito's palette; markers distinguish the verdicts without colour as well."""
 REFUSED_COLOUR = "#E8E8E8"
-BESIDE = 0.28  # horizontal offset of the cell at the default step, in columns
+DEFAULT_OFFSET = 0.28  # horizontal offset of the cell at the default step, in columns
 
 
 def summary(table: pd.DataFrame) -> Drawing:
@@ -106,7 +106,7 @@ def _draw_panel(ax: Axes, part: pd.DataFrame) -> None:
     cells: Any = part.itertuples()
     for cell in cells:
         style = CHART_MARKS[cell.verdict]
-        x = values.index(cell.value) + (BESIDE if cell.default else 0.0)
+        x = values.index(cell.value) + (DEFAULT_OFFSET if cell.default else 0.0)
         face = "white" if cell.diagnosed and cell.share <= 1.0 else style["color"]
         size = 4.0 if cell.default else 5.5
         edge: Any = {"mec": style["color"], "mew": 1.2, "ls": ""}

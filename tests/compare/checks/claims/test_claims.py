@@ -151,7 +151,7 @@ def test_spectra_are_judged_of_the_map_the_ensemble_the_orbit_and_paths_apart(ev
 
 def test_a_mean_that_still_depends_on_the_start_is_not_periodic(monkeypatch):
     scene = paper_noise(Scene.from_gears(DAT21))
-    monkeypatch.setattr(of_evidence, "SETTLED_PERIODS", 0)
+    monkeypatch.setattr(of_evidence, "EVIDENCE_BURN_IN", 0)
     assert not of_evidence.mean_motion(scene, 2000, 0, 1).periodic
 
 
