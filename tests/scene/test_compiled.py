@@ -1,7 +1,6 @@
 """Functions compiled here beside a user's own functions of numba."""
 
-import time
-from concurrent.futures import ThreadPoolExecutor
+import threading
 from contextlib import nullcontext
 from pathlib import Path
 
@@ -74,17 +73,27 @@ def test_threads_that_decorate_at_once_keep_in_the_folder(monkeypatch, locked):
     """Not where the process runs; and a user's own functions are kept where they were.  Without the
     lock one of both goes wrong."""
     kept = compiled.Kept
+    inside = threading.Event()
+    finished = threading.Event()
+    made = []
+    other = threading.Thread(target=lambda: made.append(jit(lambda x: x + 2.0)))
 
     def keep_late(function):
-        time.sleep(1e-3)  # others come in between, where they can
+        if threading.current_thread() is other:
+            inside.set()
+            finished.wait()
+        else:
+            other.start()
+            inside.wait(0.1 if locked else None)  # with the lock it does not come in
         return kept(function)
 
     monkeypatch.setattr(compiled, "Kept", keep_late)
     monkeypatch.setattr(compiled.CONFIG, "CACHE_DIR", "")
     if not locked:
         monkeypatch.setattr(compiled, "_choosing", nullcontext())
-    with ThreadPoolExecutor(8) as pool:
-        made = list(pool.map(lambda _: jit(lambda x: x + 1.0), range(40)))
+    made.append(jit(lambda x: x + 1.0))
+    finished.set()
+    other.join()
     places = {Path(function._cache.cache_path).parent for function in made}
     right = places == {compiled.folder()} and compiled.CONFIG.CACHE_DIR == ""
     assert right == locked
