@@ -158,8 +158,13 @@ class ChangedMotion:
                 paths.begin(shared.scales(paths.slow))
             self._paths = paths
         self._paths.follow(until)
-        if self.periods and not self._paths.main[:, :, NUMBER].any() and self._paths.at_rest():
-            self._rest(f"it stays closed for {until} periods.")
+
+    def note_rest(self) -> None:
+        """Note that the motion has come to rest, where no path has an impact any longer."""
+        if self._exact or self.why or self._paths is None or not self._paths.periods:
+            return
+        if not self._paths.main[:, :, NUMBER].any() and self._paths.at_rest():
+            self._rest(f"it stays closed for {self.periods} periods.")
 
     def _rest(self, how: str) -> None:
         if not self.name:

@@ -360,6 +360,7 @@ class _Search:
             self.left_out = names[int(affordable) :]
             names = names[: int(affordable)]
         self.base.follow(shared, periods)
+        self.base.note_rest()
         # where a motion costs more than was counted, all parameters have been looked at shortly
         # before the clock ends the longer look
         shortly = max(periods // SHORT_SHARE, 1)
@@ -403,6 +404,8 @@ class _Search:
         ended = "the budget ended before it was changed"
         logs = {}  # of all quantities, by parameter; (groups, down and up by step, quantities)
         for name, four in self.motions.items():
+            for motion in four:
+                motion.note_rest()
             why = next((motion.why for motion in four if motion.why), "")
             unfinished = any(not (motion.periods or motion.is_exact) for motion in four)
             if why or unfinished:
