@@ -1,13 +1,18 @@
 """The wheel: one import name, beside any project's own modules, a command and a plugin."""
 
+import ast
+import re
 import shutil
 import subprocess
 import sys
 import sysconfig
+import tomllib
 import zipfile
+from importlib import metadata
 from pathlib import Path
 
 import pytest
+from source_tree import sources
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -59,6 +64,37 @@ def installed(wheel, tmp_path_factory):
     run(sys.executable, *install.split(), site, wheel, cwd=home)
     (site / "libraries.pth").write_text(sysconfig.get_path("purelib") + "\n")
     return home / "bin" / "python"
+
+
+USERS = {"pytest", "xarray", "distributed"}  # of the plugin, and of extras
+
+
+def plain(name):
+    """The name of a distribution as an index writes it."""
+    return re.sub("[-_.]+", "-", name).lower()
+
+
+def undeclared(declared):
+    """Libraries that the source imports and that no requirement names."""
+    trees = [*sources().values(), ast.parse((ROOT / "src/rattle/__init__.py").read_text())]
+    found = set()
+    for node in (node for tree in trees for node in ast.walk(tree)):
+        if isinstance(node, ast.Import):
+            found |= {alias.name.partition(".")[0] for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            found.add(node.module.partition(".")[0])
+    libraries = found - sys.stdlib_module_names - USERS - {"rattle"}
+    known = metadata.packages_distributions()
+    names = {plain(name) for name in declared}
+    return {library for library in libraries if not names & set(map(plain, known[library]))}
+
+
+def test_every_library_that_is_imported_is_declared():
+    """Tests run beside the libraries of the documentation, which would hide one that is missing."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    declared = [re.match(r"[\w.-]+", text)[0] for text in project["dependencies"]]
+    assert undeclared(declared) == set()
+    assert undeclared([name for name in declared if name != "lazy-loader"]) == {"lazy_loader"}
 
 
 MINE = """
