@@ -29,6 +29,7 @@ from rattle.scene.orbit import Impacts
 from rattle.scene.parts import UNIT_VARIANCE
 from rattle.scene.tangent import land
 from rattle.scene.types import CUT
+from rattle.scene.wheel import with_wheels
 
 Number = TypeVar("Number", int, Ints)
 
@@ -89,7 +90,7 @@ def _place(scene: Scene) -> Floats:
     flanks = 2 * len(scene.tree)
     out = np.eye(1 + 2 * flanks, flanks, -1 - flanks)
     for i, (wheel, x) in enumerate(zip(scene.tree, scene.start.values[::2], strict=False)):
-        if abs(x) == wheel.gap:  # the start lies on each path's own flank
+        if x in (wheel.gap, -wheel.low_gap):  # the start lies on each path's own flank
             out[1 + 2 * i, 2 * i + (x < 0.0)] = np.sign(x)
     return out
 
@@ -165,8 +166,9 @@ def between(c: Constants, e: Floats, middle: Floats) -> Constants:
         plus = column(wheels.size, i + 1, 1)
         wall = wheels[i].wall
         wheels[i].wall = max(wall + 0.5 * (e[plus] + e[plus + 1]), NARROWEST * wall)
+        wheels[i].low = wheels[i].wall if wheels[i].low < math.inf else math.inf
         middle[i] = 0.5 * (e[plus] - e[plus + 1])
-    return Constants(c.alpha, c.sigma, wheels, c.drive, c.memory)
+    return with_wheels(c, wheels)
 
 
 class LinearFlight(NamedTuple):

@@ -202,7 +202,8 @@ def noise_rate(c: Constants, tau: float, i: int) -> float:
     1``."""
     first, second = velocity_acceleration(c.drive, tau)
     wheel = c.wheels[i]
-    rate: float = wheel.second * second + wheel.first * first
+    modulation = wheel.second * second + wheel.first * first
+    rate: float = c.modulates * modulation + wheel.force
     return rate
 
 
@@ -230,6 +231,46 @@ def _respond(
         faster = d * q.d1 + wheel.beta * q.d12 if d > 0.0 else d * q.d2 + beta * q.d12
         g[2 * i] = wheel.turn * (-cosine * q.d12 - sine * q.e12)
         g[2 * i + 1] = wheel.turn * (cosine * faster - sine * q.d12)
+
+
+@internal
+def _respond_own(c: Constants, apart: Floats, lag: float, g: Floats) -> None:
+    """Response of the coordinates to unit noise that acts on wheels themselves, a lag earlier.
+
+    Shapes: `g` (2 wheels,).
+    """
+    for i in range(c.wheels.size):
+        wheel = c.wheels[i]
+        p = damped(wheel.beta, lag)
+        g[2 * i] = wheel.sign * wheel.own * p.e
+        g[2 * i + 1] = wheel.sign * wheel.own * p.d
+        if wheel.parent >= 0 and apart[i] == 0.0:
+            parent = c.wheels[wheel.parent]
+            others = damped(parent.beta, lag)
+            g[2 * i] += wheel.ratio * parent.own * others.e
+            g[2 * i + 1] += wheel.ratio * parent.own * others.d
+
+
+@internal
+def _of_own_noise(c: Constants, v: Floats, apart: Floats, t: float, panel: float) -> Floats:
+    """Covariance of unit noise that acts on wheels themselves: of a panel, doubled."""
+    h = t
+    doublings = 0
+    while h > panel:
+        h *= 0.5
+        doublings += 1
+    size = 2 * c.wheels.size
+    q = np.zeros((size, size))
+    g = np.empty(size)
+    for n in range(NODES.size):
+        _respond_own(c, apart, h * NODES[n], g)
+        for i in range(size):
+            for j in range(size):
+                q[i, j] += h * WEIGHTS[n] * (g[i] * g[j])
+    for _ in range(doublings):
+        q = congruence(_propagate(c, v, apart, h), q) + q
+        h *= 2.0
+    return q
 
 
 @splice
@@ -331,6 +372,8 @@ def _covariance(drive: Any, c: Constants, v: Floats, apart: Floats, tau: float, 
     for i in range(c.wheels.size):
         fastest = max(fastest, c.wheels[i].beta)
     panel = min(PANEL, 2.0 / fastest) if fastest > 0.0 else PANEL
+    if c.modulates == 0.0:
+        return _of_own_noise(c, v, apart, t, panel)
     if len(drive) != 0:
         return _over_orders(c, v, apart, tau, t, min(panel, PANEL / highest_order(drive)))
     h = t

@@ -85,6 +85,8 @@ def safe_time(
 
     `jerk`: Upper bound of the rate of change of the acceleration; 0 if none is known.
     """
+    if distance == math.inf:
+        return distance
     distance = max(distance, 0.0)
     step = _within(distance, speed, most)
     if jerk == 0.0 or (speed > 0.0 and speed * speed > most * distance):
@@ -200,7 +202,7 @@ def next_impact(
     low = np.empty(n)
     for i in range(n):
         high[i] = c.wheels[i].wall - s[2 * i]
-        low[i] = c.wheels[i].wall + s[2 * i]
+        low[i] = c.wheels[i].low + s[2 * i]
     begin = wheel_speeds(c, tau, s)
     # the rounding error of a displacement is about 1e-16 times this times t
     rate = c.alpha * most_velocity(c.drive)

@@ -31,6 +31,7 @@ from rattle.scene.sticking import (
 from rattle.scene.text import as_html
 from rattle.scene.types import BODY, state_names
 from rattle.scene.units import as_dataset
+from rattle.scene.wheel import nearest_wall
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -91,8 +92,9 @@ def find_touching(c: Constants, state: Floats) -> Ints:
     """Sides on which meshes touch their wall at zero speed; 0 for a mesh that does not."""
     touching = np.zeros(c.wheels.size, np.int64)
     for i in range(touching.size):
-        if state[2 * i + 1] == 0.0 and abs(state[2 * i]) == c.wheels[i].wall:
-            touching[i] = 1 if state[2 * i] > 0.0 else -1
+        side, distance = nearest_wall(c.wheels[i], state[2 * i])
+        if state[2 * i + 1] == 0.0 and distance == 0.0:
+            touching[i] = side
     return touching
 
 
@@ -155,7 +157,7 @@ def stick(
         walls = np.empty(state.size)
         for i in range(c.wheels.size):
             walls[2 * i] = c.wheels[i].wall
-            walls[2 * i + 1] = c.wheels[i].wall
+            walls[2 * i + 1] = c.wheels[i].low
         state = flow(c, tau, state, t)
         close(c, state, sticking, walls, bodies)
         tau += t

@@ -75,6 +75,9 @@ class Wheel:
         radius at wheel 1), 1e-3 to 1e3.
     epsilon : float, optional
         Restitution at its mesh, 0 to 1; by default that of the scene.
+    one_sided : bool
+        Whether there is one wall only, at ``+gap``: that of a ball above its floor.  Drag pulls
+        towards it.
     tolerance : float
         Largest deviation of its half gap, below `gap`; how it is drawn is in the scene's
         `Tolerance`.
@@ -102,6 +105,7 @@ class Wheel:
     epsilon: float | None = None
     tolerance: float = 0.0
     name: str = ""
+    one_sided: bool = False
 
     def __post_init__(self) -> None:
         for name in ("beta", "gamma", "gap", "mass", "ratio", "tolerance"):
@@ -117,9 +121,19 @@ class Wheel:
         if self.tolerance >= self.gap:
             why = f"must be below gap = {self.gap}, or a gap could close"
             raise InputError("wheel.tolerance", self.tolerance, why)
+        if not isinstance(self.one_sided, bool):
+            raise InputError("wheel.one_sided", self.one_sided, "write true or false")
+        if self.one_sided and self.tolerance:
+            why = "a wall that stands alone has no tolerance: start paths from another place"
+            raise InputError("wheel.tolerance", self.tolerance, why)
         if self.epsilon is not None:
             object.__setattr__(self, "epsilon", finite("wheel.epsilon", self.epsilon))
             unit_interval("wheel.epsilon", self.epsilon)
+
+    @property
+    def low_gap(self) -> float:
+        """Distance of its lower wall from the middle: `gap`, or infinite where there is none."""
+        return math.inf if self.one_sided else self.gap
 
 
 def are_given(wheels: object) -> bool:

@@ -77,8 +77,9 @@ def plot_orbit(
             ms=4,
             label=f"impact at mesh {i + 1}",
         )
-        for side in (-1, 1):
-            ax.axhline(side * wall, color="0.4", lw=1.0)
+        for flank in (wall, -c.wheels["low"][i]):
+            if np.isfinite(flank):
+                ax.axhline(flank, color="0.4", lw=1.0)
         phases = [(a, b) for stuck, _, a, b, _ in sticking if stuck == i + 1 and a < times[-1]]
         for number, (closed, opened) in enumerate(phases):
             label = "_" * (number > 0) + f"mesh {i + 1} sticks"

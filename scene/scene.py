@@ -46,6 +46,8 @@ LARGEST_VALUES = {
 }
 CACHED = ("tree", "_compiled_wheels")
 """What a scene computes once and keeps."""
+DRIVE_NOISE = "drive"
+"""What the noise acts on by default."""
 UNRELATED = {"sigma", "start"}
 """Fields whose change leaves that as it is."""
 FAR_ORDERS = 8
@@ -64,7 +66,7 @@ for them."""
 PLAIN_WHEEL = Wheel(beta=0.0, gamma=0.0)
 TABLES = ("gears", "wheel", "scene", "drive")
 """Tables of a scene file."""
-FREE_FIELDS = ("sigma", "tolerance", "start", "stages", "drive", "correlation_time")
+FREE_FIELDS = ("sigma", "tolerance", "start", "stages", "drive", "correlation_time", "noise")
 """Fields of a scene that gears do not fix."""
 
 
@@ -92,7 +94,7 @@ class Scene:
     gap1, gap2 : float
         Half gaps, 1e-9 to 1e6.
     sigma : float
-        Intensity of the noise that modulates the excitation, 0 to 1e6.
+        Intensity of the noise, 0 to 1e6.
     tolerance : Tolerance, optional
         Random part of the half gaps.
     start : Start, optional
@@ -109,6 +111,10 @@ class Scene:
         Memory of the noise, in units of ``1 / omega``: the modulation is an Ornstein-Uhlenbeck
         process with the spectrum of white noise of the same `sigma` at frequency 0.  0 (white
         noise), or 1e-4 to 1e6.
+    noise : str or int
+        What the noise acts on: ``drive``, which it modulates, or the name or number of a wheel or
+        body, on which it is a random force: ``sigma`` times white noise is added to its
+        acceleration.
     wheels : sequence of Wheel, optional
         The loose wheels of a gearbox, 1 to 32, each after the one that it meshes with; in place of
         ``beta1, gamma1, beta2, gamma2, mu, gap1, gap2``.  `epsilon` is then that of the wheels
@@ -152,6 +158,7 @@ class Scene:
     stages: int = 2
     drive: tuple[Order, ...] = SINE_ALONE
     correlation_time: float = 0.0
+    noise: str | int = DRIVE_NOISE
     wheels: tuple[Wheel, ...] = ()
     gears: Gears | None = field(default=None, compare=False, repr=False)
 
@@ -187,6 +194,7 @@ class Scene:
             *MEMORY_RANGE,
         )
         self._check_drive()
+        self._check_noise()
         self._check_tolerance()
         if self.start is None:
             object.__setattr__(self, "start", self._default_start)
@@ -247,6 +255,32 @@ class Scene:
                 "has no order with an amplitude; for a driver at rest give alpha = 0",
             )
         object.__setattr__(self, "drive", tuple(sorted(orders, key=lambda one: one.order)))
+
+    def _check_noise(self) -> None:
+        """Check that the noise acts on something that the scene has."""
+        known = (DRIVE_NOISE, *self.wheel_names)
+        if self.noise not in (*known, *range(1, self.stages + 1)) or self.noise is True:
+            named = ", ".join(known)
+            raise InputError("noise", self.noise, f"what it acts on is one of: {named}")
+        if self.noisy_wheel and self.correlation_time:
+            why = "noise with a memory modulates the drive; a random force is white: 0"
+            raise InputError("correlation_time", self.correlation_time, why)
+
+    @property
+    def noisy_wheel(self) -> int:
+        """Number of the wheel or body on which the noise is a random force; 0 where it modulates
+        the drive.
+
+        Examples
+        --------
+        >>> ball = Wheel(beta=0.0, gamma=1.0, one_sided=True, name="ball")
+        >>> Scene(alpha=0.0, epsilon=0.8, wheels=[ball], noise="ball").noisy_wheel
+        1
+        """
+        if self.noise == DRIVE_NOISE:
+            return 0
+        names = self.wheel_names
+        return names.index(self.noise) + 1 if self.noise in names else int(self.noise)
 
     def _check_tolerance(self) -> None:
         if self.tolerance is None:
@@ -381,15 +415,18 @@ class Scene:
         for i, wheel in enumerate(self.tree, 1):
             x, y = start.values[2 * i - 2 : 2 * i]
             gap = wheel.gap
-            on_flank = abs(x) == gap
-            if abs(x) > gap - wheel.tolerance and not on_flank:
+            on_flank = x in (gap, -wheel.low_gap)
+            ahead = x if wheel.one_sided else abs(x)
+            if ahead > gap - wheel.tolerance and not on_flank:
                 inside = gap - wheel.tolerance
-                raise InputError(
-                    f"start.x{i}", x, f"must lie on a flank (+-{gap}) or inside +-{inside}"
-                )
+                where = f"must lie on a flank (+-{gap}) or inside +-{inside}"
+                if wheel.one_sided:
+                    where = f"must lie on the wall ({gap}) or before it"
+                raise InputError(f"start.x{i}", x, where)
             if start.mesh == i and not (on_flank and x * np.sign(y) > 0.0):
+                sides = "" if wheel.one_sided else "+-"
                 why = (
-                    f"an impact at mesh {i} needs x{i} = +-{gap} and y{i} outward; given x{i} ="
+                    f"an impact at mesh {i} needs x{i} = {sides}{gap} and y{i} outward; given x{i} ="
                     f" {x}, y{i} = {y}"
                 )
                 raise InputError("start.mesh", start.mesh, why)
@@ -625,7 +662,12 @@ class Scene:
     def constants(self) -> Constants:
         """The numbers of the scene for compiled code; a fixed tolerance is part of the walls."""
         return Constants(
-            self.alpha, self.sigma, self._compiled_wheels, self._orders, self.correlation_time
+            self.alpha,
+            self.sigma,
+            self._compiled_wheels,
+            self._orders,
+            self.correlation_time,
+            0.0 if self.noisy_wheel else 1.0,
         )
 
     @cached_property
@@ -640,6 +682,8 @@ class Scene:
         for name in ("ratio", "beta", "gamma", "epsilon", "mass"):
             wheels[name] = [getattr(wheel, name) for wheel in tree]
         wheels["wall"] = [wheel.gap + fixed * wheel.tolerance for wheel in tree]
+        wheels["low"] = [wheel.low_gap + fixed * wheel.tolerance for wheel in tree]
+        wheels["own"] = np.arange(1, len(tree) + 1) == self.noisy_wheel
         parents = [int(wheel.parent) - 1 for wheel in tree]
         wheels["parent"] = parents
         wheels["sign"] = [1.0 if parent < 0 else -1.0 for parent in parents]
@@ -693,7 +737,7 @@ class Scene:
         walls = self.constants.wheels["wall"]
         state = np.array(self.start.values[: 2 * self.stages])
         for i, wheel in enumerate(self.tree):
-            if abs(state[2 * i]) == wheel.gap:
+            if state[2 * i] in (wheel.gap, -wheel.low_gap):
                 state[2 * i] = math.copysign(walls[i], state[2 * i])
         return state
 
@@ -728,6 +772,8 @@ class Scene:
         for name in ("tolerance", "correlation_time"):
             if not values[name]:
                 del values[name]
+        if self.noise == DRIVE_NOISE:
+            del values["noise"]
         drive = {} if self.drive == SINE_ALONE else {"drive": [asdict(one) for one in self.drive]}
         if self.gears is None:
             return drive | {"scene": values}
@@ -876,7 +922,10 @@ def _are_in_a_row(wheels: tuple[Wheel, ...], epsilon: float) -> bool:
     """Whether wheels are the paper's one or two stages: in a row, nameless, with one restitution
     and one radius each."""
     parents = [wheel.parent for wheel in wheels]
-    plain = all(w.ratio == 1.0 and w.epsilon in (None, epsilon) and not w.name for w in wheels)
+    plain = all(
+        w.ratio == 1.0 and w.epsilon in (None, epsilon) and not w.name and not w.one_sided
+        for w in wheels
+    )
     return plain and parents in ([0], [0, 1])
 
 

@@ -23,7 +23,7 @@ from rattle.scene.compiled import internal, lean_internal, not_inlined
 from rattle.scene.flight import flow, wheel_speeds
 from rattle.scene.impact import NONE, REST, TOUCH_STEP, approach, next_impact, safe_time
 from rattle.scene.types import BODY, WHEEL, Bodies, Constants, Floats, Ints, Wheels
-from rattle.scene.wheel import complete_wheels
+from rattle.scene.wheel import complete_wheels, nearest_wall, with_wheels
 
 # longest time, and largest relative change of the contact acceleration, of chatter that is summed
 # up
@@ -57,6 +57,7 @@ def lock(c: Constants, closed: Ints, bodies: Bodies) -> None:
         body.mass = wheel.mass
         body.beta = wheel.mass * wheel.beta
         body.gamma = wheel.mass * wheel.gamma
+        body.own = wheel.mass * wheel.own
     for i in range(c.wheels.size - 1, -1, -1):
         wheel = c.wheels[i]
         body = bodies[i]
@@ -65,8 +66,10 @@ def lock(c: Constants, closed: Ints, bodies: Bodies) -> None:
             parent.mass += wheel.ratio * wheel.ratio * body.mass
             parent.beta += wheel.ratio * wheel.ratio * body.beta
             parent.gamma += wheel.ratio * body.gamma
+            parent.own += wheel.ratio * body.own
         body.beta /= body.mass
         body.gamma /= body.mass
+        body.own /= body.mass
 
 
 @lean_internal
@@ -309,8 +312,10 @@ def write_bodies(c: Constants, closed: Ints, free: Ints, bodies: Bodies, wheels:
         body.turn = wheel.turn
         body.beta = bodies[i].beta
         body.gamma = bodies[i].gamma
+        body.own = bodies[i].own
         body.mass = bodies[i].mass
         body.wall = wheel.wall
+        body.low = wheel.low
         body.epsilon = wheel.epsilon
     complete_wheels(wheels, c.drive)
 
@@ -321,7 +326,7 @@ def as_bodies(c: Constants, closed: Ints) -> Constants:
     free = open_meshes(closed)
     wheels = np.empty(free.size, WHEEL)
     write_bodies(c, closed, free, np.empty(closed.size, BODY), wheels)
-    return Constants(c.alpha, c.sigma, wheels, c.drive, c.memory)
+    return with_wheels(c, wheels)
 
 
 @lean_internal
@@ -450,7 +455,7 @@ def close(c: Constants, s: Floats, closed: Ints, walls: Floats, bodies: Bodies) 
 def _is_slow(c: Constants, i: int, s: Floats, most: float) -> bool:
     """Whether a mesh is as slow and as close to a wall as one that sticks together with others."""
     wheel = c.wheels[i]
-    gap = max(wheel.wall - abs(s[2 * i]), 0.0)
+    gap = max(nearest_wall(wheel, s[2 * i])[1], 0.0)
     limit = (1.0 - wheel.epsilon) * CHATTER_LIMIT
     rate = abs(s[2 * i + 1])
     return bool(2.0 * rate <= limit * most and 8.0 * gap <= limit * limit * most)
@@ -515,7 +520,7 @@ def _stick_together(
             others = others or i != mesh - 1
             longest = max(longest, 2.0 / (1.0 - wheel.epsilon))
             fastest = max(fastest, abs(s[2 * i + 1]))
-            furthest = max(furthest, wheel.wall - abs(s[2 * i]))
+            furthest = max(furthest, nearest_wall(wheel, s[2 * i])[1])
     if not (others and weakest > 0.0):
         return False
     t = longest * (fastest + math.sqrt(2.0 * strongest * furthest)) / weakest
@@ -555,8 +560,8 @@ def complete_chatter(
     change = 0.0
     for i in range(n):
         wheel = c.wheels[i]
-        nearest = 1 if s[2 * i] > 0.0 else -1
-        gap = max(wheel.wall - abs(s[2 * i]), 0.0)
+        nearest, distance = nearest_wall(wheel, s[2 * i])
+        gap = max(distance, 0.0)
         slow = _is_slow(c, i, s, most)
         change += approach(c, i, u, driver, force, jolt)[3]
         near[i] = nearest if slow or i == mesh - 1 else 0
@@ -595,7 +600,7 @@ def complete_chatter(
         x = s[2 * i]
         y = s[2 * i + 1]
         up = safe_time(wheel.wall - x, y, bodies[i].push, most, 0.0)
-        down = safe_time(wheel.wall + x, -y, -bodies[i].push, most, 0.0)
+        down = safe_time(wheel.low + x, -y, -bodies[i].push, most, 0.0)
         if min(up, down) < t:
             return math.inf, never
     return t, closed

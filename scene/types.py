@@ -72,15 +72,18 @@ WHEEL = np.dtype(
             ("beta", np.float64),
             ("gamma", np.float64),
             ("wall", np.float64),  # half gap of the deterministic orbit
+            ("low", np.float64),  # the same where it has two walls; infinite where it has one
             ("epsilon", np.float64),
             ("mass", np.float64),  # at its own mesh, in units of that of wheel 1
             ("share", np.float64),  # of the parent, of the change of the rate at an impact
-            # The gap obeys y' = -beta y + coupling v_p + drag + (alpha + sigma eta) (second f'' +
-            # first f'), v_p the deviation of the parent's speed
+            ("own", np.float64),  # of a noise that does not modulate the drive: 1 on its wheel, or 0
+            # The gap obeys y' = -beta y + coupling v_p + drag + (alpha + modulates sigma eta)
+            # (second f'' + first f') + force sigma eta, v_p the deviation of the parent's speed
             ("coupling", np.float64),
             ("drag", np.float64),
             ("second", np.float64),
             ("first", np.float64),
+            ("force", np.float64),
             # bounds of |f'' + beta f'| and of its rate, beta of the wheel or of a parent wheel
             ("modulation", np.float64),
             ("modulation_rate", np.float64),
@@ -98,10 +101,11 @@ BODY = np.dtype(
         [
             ("root", np.int64),  # first wheel of the body that it is locked into; -1: the driver
             ("carry", np.float64),  # its speed over that of the root
-            # mass, beta, gamma: of all that is locked below its mesh, as one wheel there
+            # mass, beta, gamma, own: of all that is locked below its mesh, as one wheel there
             ("mass", np.float64),
             ("beta", np.float64),
             ("gamma", np.float64),
+            ("own", np.float64),
             ("speed", np.float64),  # u, at its own mesh
             ("pull", np.float64),  # acceleration by damping and drag of all that is locked below
             ("motion", np.float64),  # its acceleration, less the driver's
@@ -142,3 +146,4 @@ class Constants(NamedTuple):
     wheels: Wheels  # of `WHEEL`, parents before their children; (wheels,)
     drive: Any = SINE  # `SINE` or `Orders`
     memory: float = 0.0  # correlation time of the noise; 0 for white noise
+    modulates: float = 1.0  # 1 where the noise modulates the drive, 0 where it acts on a wheel

@@ -5,14 +5,16 @@ A gearbox is a tree of loose wheels behind one driver: every wheel meshes with a
 
 from typing import Any
 
-from rattle.scene.compiled import internal
+import numpy as np
+
+from rattle.scene.compiled import inline, internal
 from rattle.scene.drive import most_modulation, most_modulation_rate
-from rattle.scene.types import Wheels
+from rattle.scene.types import Constants, Floats, Wheels
 
 
 @internal
 def complete_wheels(wheels: Wheels, drive: Any) -> None:
-    """Fill in what follows from parent, sign, ratio, turn, damping, drag and mass of wheels.
+    """Fill in what follows from parent, sign, ratio, turn, damping, drag, noise and mass of wheels.
 
     Shapes: `wheels` (wheels,), of `rattle.scene.types.WHEEL`.
     """
@@ -28,6 +30,7 @@ def complete_wheels(wheels: Wheels, drive: Any) -> None:
             wheel.drag = wheel.sign * wheel.gamma
             wheel.second = wheel.sign * wheel.turn
             wheel.first = wheel.sign * wheel.turn * wheel.beta
+            wheel.force = wheel.sign * wheel.own
         else:
             parent = wheels[wheel.parent]
             parent.drives = 1
@@ -37,3 +40,24 @@ def complete_wheels(wheels: Wheels, drive: Any) -> None:
             wheel.drag = wheel.ratio * parent.gamma - wheel.gamma
             wheel.second = 0.0
             wheel.first = wheel.turn * (parent.beta - wheel.beta)
+            wheel.force = wheel.ratio * parent.own - wheel.own
+
+
+@inline
+def with_wheels(c: Constants, wheels: Wheels) -> Constants:
+    """The constants of a scene with other wheels."""
+    return Constants(c.alpha, c.sigma, wheels, c.drive, c.memory, c.modulates)
+
+
+@inline
+def nearest_wall(wheel: Any, x: float) -> tuple[int, float]:
+    """The side of the wall that is nearest to a displacement, and the distance to it."""
+    above = wheel.wall - x
+    below = wheel.low + x
+    return (1, above) if above <= below else (-1, below)
+
+
+def flanks_of(c: Constants) -> Floats:
+    """Distances of the flanks +1, -1, +2, -2, ... from the middle of their gap, shape (2 wheels,).
+    """
+    return np.column_stack([c.wheels["wall"], c.wheels["low"]]).ravel()

@@ -336,7 +336,8 @@ def _miss(flight: SearchedFlight) -> Event | None:
     best = int(falls[0]) if falls.size else 0
     if best == 0 or not beta[best] < FURTHEST:
         return None
-    beyond = np.abs(means[: best + 1, ::2]) > flight.c.wheels["wall"]
+    x = means[: best + 1, ::2]
+    beyond = (x > flight.c.wheels["wall"]) | (-x > flight.c.wheels["low"])
     beyond[:, mesh - 1] = False
     if beyond.any():
         return None  # another mesh is struck first: `_earlier`

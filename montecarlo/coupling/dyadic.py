@@ -52,6 +52,7 @@ from rattle.scene.sticking import (
     take_open,
 )
 from rattle.scene.types import BODY
+from rattle.scene.wheel import flanks_of, nearest_wall
 
 Pair = tuple[float, float]
 
@@ -147,7 +148,7 @@ def grow_tree(c: Constants, clock: Clockwork, seed: np.random.SeedSequence) -> T
         end=np.empty(2 * wheels),
         series=np.zeros((3 + wheels, MOST_TERMS)),
         margins=np.empty(wheels),
-        walls=np.repeat(c.wheels["wall"], 2),
+        walls=flanks_of(c),
         sides=np.zeros(wheels, np.int64),
         contacts=np.zeros(wheels, np.int64),
     )
@@ -215,10 +216,11 @@ def _is_near(c: Constants, h: float, s: Floats, end: Floats, margins: Floats) ->
     """Whether a flight between two states may meet a wall."""
     third = h / 3.0
     for i in range(c.wheels.size):
-        wall = c.wheels[i].wall
+        high = c.wheels[i].wall
+        low = c.wheels[i].low
         x = 2 * i
         y = x + 1
-        if near_wall(third, s[x], s[y], end[x], end[y], wall, wall, margins[i]):
+        if near_wall(third, s[x], s[y], end[x], end[y], high, low, margins[i]):
             return True
     return False
 
@@ -230,8 +232,8 @@ def _first_wall(c: Constants, h: float, s: Floats, end: Floats) -> tuple[float, 
     share = 1.0
     code = 0
     for i in range(c.wheels.size):
-        wall = c.wheels[i].wall
         for side in (1, -1):
+            wall = c.wheels[i].wall if side > 0 else c.wheels[i].low
             gap1 = wall - side * end[2 * i]
             if gap1 < 0.0:
                 gap0 = max(wall - side * s[2 * i], 0.0)
@@ -299,9 +301,10 @@ def _close_resting(tree: Tree, tau: float, alpha: float, held: Ints) -> None:
     s = room.state
     touching = held.copy()
     for i in range(held.size):
-        if s[2 * i + 1] == 0.0 and abs(s[2 * i]) == room.walls[2 * i]:
-            touching[i] = 1 if s[2 * i] > 0.0 else -1
-    pushed = Constants(alpha, c.sigma, c.wheels, c.drive, c.memory)
+        side, distance = nearest_wall(c.wheels[i], s[2 * i])
+        if s[2 * i + 1] == 0.0 and distance == 0.0:
+            touching[i] = side
+    pushed = Constants(alpha, c.sigma, c.wheels, c.drive, c.memory, c.modulates)
     sticking = np.empty(held.size, np.int64)
     driver = velocity_acceleration(c.drive, tau)
     find_sticking(pushed, driver, s, touching, sticking, np.empty(held.size, BODY))

@@ -21,6 +21,7 @@ from rattle.scene.flight import jacobian, noise_rate
 from rattle.scene.linear_algebra import put_row
 from rattle.scene.orbit import first_state
 from rattle.scene.tangent import Stretch, grow
+from rattle.scene.wheel import nearest_wall
 
 DEPTH = 12  # of the tree: leaves are 1.2e-5 long; noise changes a velocity by 3.5e-3 sigma in one
 # shares of a step between which an impact is used: the partner's is in the same step
@@ -223,7 +224,7 @@ def _place(c: Constants, a: Floats, b: Floats, delta: float) -> bool:
         inside = True
         for i in range(c.wheels.size):
             x = a[2 * i] + sign * (b[2 * i] - a[2 * i]) * delta / d
-            inside = inside and abs(x) < c.wheels[i].wall
+            inside = inside and nearest_wall(c.wheels[i], x)[1] > 0.0
         if inside:
             for i in range(a.size):
                 b[i] = a[i] + sign * (b[i] - a[i]) * delta / d

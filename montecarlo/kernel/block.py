@@ -23,6 +23,7 @@ from rattle.montecarlo.statistics.weighted_sums import WeightedSums
 from rattle.scene import Constants, Floats, Ints, Scene
 from rattle.scene.compiled import lean
 from rattle.scene.impact import energy_loss, strike
+from rattle.scene.wheel import flanks_of
 
 BLOCK = 1024
 """Paths of a block: small enough for the caches, large enough that few lanes idle while the last
@@ -109,7 +110,7 @@ def start_state(scene: Scene, walls: Floats) -> Floats:
     for i, wheel in enumerate(scene.tree):
         x = scene.start.values[2 * i]
         on_flank = walls[2 * i] if x > 0.0 else -walls[2 * i + 1]
-        state[2 * i] = on_flank if abs(x) == wheel.gap else x
+        state[2 * i] = on_flank if x in (wheel.gap, -wheel.low_gap) else x
         state[2 * i + 1] = rates[2 * i + 1]
     return state
 
@@ -136,7 +137,7 @@ def begin_block(plan: Plan, first: int, paths: int) -> tuple[Job, Lanes, Room]:
     c = scene.constants
     key = key_of(plan.seed)
     backlash = backlash_of(scene)
-    walls = np.repeat(np.repeat(c.wheels["wall"], 2)[:, None], paths, axis=1)
+    walls = np.repeat(flanks_of(c)[:, None], paths, axis=1)
     if backlash.random:
         draw_walls(backlash, key, first, walls)
     if plan.mirrored:

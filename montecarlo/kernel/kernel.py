@@ -97,7 +97,8 @@ def record(
         mesh = abs(code)
         opposite = 2 * mesh - 1 if code > 0 else 2 * mesh - 2
         draws = Word(max(FLANK_DRAWS, states))
-        lanes.walls[opposite, p] = half_gap(job.backlash, job.key, path, Word(k) + draws, mesh)
+        if lanes.walls[opposite, p] < math.inf:
+            lanes.walls[opposite, p] = half_gap(job.backlash, job.key, path, Word(k) + draws, mesh)
 
 
 @splice
@@ -344,7 +345,7 @@ def block_kernel(scheme: Scheme, wheels: int = 0) -> Callable[..., tuple[int, in
                         job.c,
                         begin,
                         h,
-                        job.backlash.random,
+                        job.backlash.uneven,
                         lanes,
                         scratch,
                         room.marks,

@@ -248,7 +248,8 @@ class LongRun:
         lost = self.sums.main[:, :, ENERGY].sum(axis=1) / self.sums.time
         supplied = np.zeros(self.paths)
         for i, wheel in enumerate(c.wheels):
-            noise = 0.5 * (c.sigma * wheel.turn) ** 2 * mean_square(c.drive, wheel.beta)
+            square = c.modulates * wheel.turn**2 * mean_square(c.drive, wheel.beta) + wheel.own
+            noise = 0.5 * c.sigma**2 * square
             power = noise - wheel.beta * squared[:, i] + c.alpha * driven[:, i]
             supplied += wheel.mass * power
         return lost, supplied

@@ -1,6 +1,7 @@
 """Random half gaps: the flank positions of each path at the start and after a redraw (docs/model.md
 section 4)."""
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -21,6 +22,7 @@ class Backlash(NamedTuple):
     c_max: Floats  # largest deviation of a half gap; (wheels,)
     distribution: int  # 0 fixed, 1 uniform, 2 truncated normal
     random: bool  # whether half gaps differ between paths
+    uneven: bool  # whether they do, or a mesh has one wall only: a step reads each lane's flanks
     redrawn: bool  # whether an impact redraws the opposite flank
 
 
@@ -30,7 +32,8 @@ def backlash_of(scene: Scene) -> Backlash:
     kind = DISTRIBUTION_CODES[t.distribution]
     random = t.distribution != "fixed"
     gap, c_max = np.array([(wheel.gap, wheel.tolerance) for wheel in scene.tree]).T.copy()
-    return Backlash(gap, c_max, kind, random, random and t.draw == "contact")
+    uneven = random or any(wheel.one_sided for wheel in scene.tree)
+    return Backlash(gap, c_max, kind, random, uneven, random and t.draw == "contact")
 
 
 @lean_internal
@@ -75,4 +78,5 @@ def draw_walls(b: Backlash, key: Key, first: int, walls: Floats) -> None:
     """
     for flank in range(walls.shape[0]):
         for p in range(walls.shape[1]):
-            walls[flank, p] = first_half_gap(b, key, Word(first + p), flank)
+            if walls[flank, p] < math.inf:
+                walls[flank, p] = first_half_gap(b, key, Word(first + p), flank)

@@ -62,7 +62,7 @@ def margin_of(c: Constants, phase: Phase, h: float, i: int) -> float:
     square = h * h
     # Hermite error: h^4 / 384 times the 4th derivative
     bend: float = square * square / 96.0 * force * (stiff * stiff)
-    noise: float = spread * share * modulation
+    noise: float = spread * (c.modulates * share * modulation + abs(wheel.force))
     return noise + bend
 
 
@@ -156,7 +156,8 @@ def noise_free_reach(c: Constants, i: int, speed: float, other: float) -> float:
     """
     wheel = c.wheels[i]
     modulation = wheel.turn * wheel.modulation
-    most = modulation * modulation
+    noise = c.modulates * modulation + abs(wheel.force)
+    most = noise * noise
     force = abs(wheel.drag) + wheel.beta * abs(speed)
     if wheel.parent < 0:
         force += c.alpha * modulation

@@ -40,7 +40,7 @@ def step_forcing(c: Constants, tau: float, h: float, forcing: Floats) -> None:
         wheel = c.wheels[i]
         m = wheel.second * second + wheel.first * first
         forcing[i, PUSH] = h * (wheel.drag + c.alpha * m)
-        forcing[i, KICK] = root * m
+        forcing[i, KICK] = root * (c.modulates * m + wheel.force)
 
 
 class GapStep(NamedTuple):

@@ -65,6 +65,7 @@ from rattle.scene.compiled import inline, lean, lean_internal, not_inlined, spli
 from rattle.scene.damping import pair
 from rattle.scene.drive import highest_order
 from rattle.scene.sticking import put_open, take_open
+from rattle.scene.wheel import with_wheels
 
 MOST_CUTS = 1000  # per step; then the path is clipped to its walls
 # shortest trial, relative to the time: two units in its last place, so that time goes on
@@ -427,7 +428,7 @@ def _advance_beside(
     whole = inside.scratch
     free = whole.choices[FREE, :count]
     wheels = whole.wheels_beside[:count]
-    c = Constants(inside.c.alpha, inside.c.sigma, wheels, inside.c.drive, inside.c.memory)
+    c = with_wheels(inside.c, wheels)
     numbers = 2 * count
     part = Scratch(
         count,

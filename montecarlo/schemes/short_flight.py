@@ -79,7 +79,8 @@ def short_flight(
     """Fly for a time h, at most a step, with given noise; writes the end and returns its phase.
 
     With u = t / h in [0, 1] the flight is ``dx/du = h y`` and ``dy/du = h (drag - beta y + coupling
-    v_p) + m (even + odd u)``, v_p the deviation of the parent's speed.  All series are summed until
+    v_p) + m (even + odd u)``, v_p the deviation of the parent's speed; noise on a wheel is a drag
+    that grows.  All series are summed until
     their terms, of relative size ``(h (1 + beta))^k / k!``, are below rounding: eight terms at the
     default step, three at the last trial before an impact.
 
@@ -108,8 +109,10 @@ def _fly(
     for i in range(c.wheels.size):
         fastest = max(fastest, c.wheels[i].beta)
     terms, after = _expand_drive(drive, phase, h, abs(h) * (highest_order(drive) + fastest), series)
-    odd = 12.0 * c.sigma * area
-    even = alpha * h + (c.sigma * increment - 0.5 * odd)
+    odd_noise = 12.0 * c.sigma * area
+    even_noise = c.sigma * increment - 0.5 * odd_noise
+    odd = c.modulates * odd_noise
+    even = alpha * h + c.modulates * even_noise
     nothing = series.shape[0] - 1  # a row of zeros: the driver does not deviate
     for i in range(c.wheels.size):
         wheel = c.wheels[i]
@@ -124,7 +127,9 @@ def _fly(
         carried = series[2 + wheel.parent if wheel.parent >= 0 else nothing]
         x = s[2 * i]
         y = s[2 * i + 1]
-        drag = dragged * h * wheel.drag
+        # what does not follow the drive, at the start, and the rate at which that grows
+        steady = dragged * h * wheel.drag + even_noise * wheel.force
+        growing = odd_noise * wheel.force
         y_end = y
         moved = 0.0
         before = 0.0
@@ -134,11 +139,12 @@ def _fly(
             hk = h * share
             m = by_acceleration * series[1, k - 1] + by_velocity * series[0, k - 1]
             moved += hk * y
-            forced = share * (drag + (even * m + odd * before))
+            forced = share * (steady + (even * m + odd * before))
             y = forced + hk * (coupling * carried[k - 1] - beta * y)
             y_end += y
             before = m
-            drag = 0.0
+            steady = growing
+            growing = 0.0
             speed[k] = sign * y + ratio * carried[k]
         end[2 * i] = x + moved
         end[2 * i + 1] = y_end

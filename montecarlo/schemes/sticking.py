@@ -49,6 +49,7 @@ from rattle.scene.sticking import (
     write_bodies,
 )
 from rattle.scene.types import Bodies
+from rattle.scene.wheel import nearest_wall, with_wheels
 
 # bound on the rate of fast impacts at a closed mesh, over ``exp(-tail w)``, in its units of time:
 # 0.2 to 1.2 for restitutions up to 0.9 and speeds of 4 to 8 units, in 4e5 units of time each
@@ -124,7 +125,7 @@ def _close_slow(c: Constants, at: Progress, scratch: Scratch, quiet: Quiet) -> f
     spread = c.sigma
     if c.memory > 0.0:
         alpha = c.alpha + c.sigma * at.noise.increment / at.left
-        c = Constants(alpha, c.sigma, c.wheels, c.drive, c.memory)
+        c = Constants(alpha, c.sigma, c.wheels, c.drive, c.memory, c.modulates)
         spread = 0.0
     put_all(scratch.unfollowed[0], 0.0)
     put_all(scratch.unfollowed[1], 0.0)
@@ -157,7 +158,7 @@ def _close_slow(c: Constants, at: Progress, scratch: Scratch, quiet: Quiet) -> f
 
 @inline
 def _nearest_wall(scratch: Scratch, i: int) -> tuple[int, float]:
-    """The side of the wall that is nearest in a gap, and the distance to it."""
+    """The side of the wall of a path that is nearest in a gap, and the distance to it."""
     x = scratch.state[2 * i]
     above = scratch.walls[2 * i] - x
     below = scratch.walls[2 * i + 1] + x
@@ -232,10 +233,12 @@ def leave_lifted(c: Constants, left: float, closed: Ints, spread: float, bodies:
             continue
         wheel = c.wheels[i]
         body = bodies[i]
-        noise = wheel.turn * most_modulation(c.drive, body.beta)
+        noise = c.modulates * wheel.turn * most_modulation(c.drive, body.beta) + body.own
         if body.root != DRIVER:
-            apart = abs(bodies[body.root].beta - body.beta)
-            noise = wheel.turn * apart * most_velocity(c.drive)
+            root = bodies[body.root]
+            apart = abs(root.beta - body.beta)
+            noise = c.modulates * wheel.turn * apart * most_velocity(c.drive)
+            noise += abs(body.own - body.carry * root.own)
         # pushes are accelerations of the gap alone
         noise *= body.mass / (wheel.mass * (1.0 - wheel.share))
         lifted = lifted or body.push <= lift * noise
@@ -275,19 +278,23 @@ def _bounce(
         towards = side * wheel.sign
         m = wheel.turn * (driver[1] + wheel.beta * driver[0])
         end_m = wheel.turn * (ahead[1] + wheel.beta * ahead[0])
+        noise = c.modulates * m + wheel.own
+        end_noise = c.modulates * end_m + wheel.own
         speed = wheel.turn * c.alpha * driver[0] - u
         push = towards * (pull + wheel.turn * c.alpha * driver[1])
         later = towards * (wheel.gamma + c.alpha * end_m)
         half = 0.5 * wheel.mass
-        return Bounce(wheel.mass, speed, push, later, half * m * m, half * end_m * end_m)
+        power = half * noise * noise
+        more = half * end_noise * end_noise
+        return Bounce(wheel.mass, speed, push, later, power, more)
     # the common speed of both wheels hardly changes
     parent = c.wheels[wheel.parent]
     by_parent = scratch.bodies[wheel.parent].speed
     others = wheel.ratio * (parent.beta * by_parent + parent.gamma)
     end_pull = wheel.beta * wheel.ratio * by_parent + wheel.gamma
     mass = wheel.mass * (1.0 - wheel.share)
-    m = wheel.first * driver[0]
-    end_m = wheel.first * ahead[0]
+    m = c.modulates * wheel.first * driver[0] + wheel.force
+    end_m = c.modulates * wheel.first * ahead[0] + wheel.force
     push = side * (others - pull)
     later = side * (others - end_pull)
     half = 0.5 * mass
@@ -478,7 +485,7 @@ def stick_to_end(c: Constants, at: Progress, scratch: Scratch) -> Progress:
     close_meshes(c, scratch)
     count = leave_bodies(c, scratch)
     free = scratch.choices[FREE, :count]
-    c = Constants(c.alpha, c.sigma, scratch.wheels_beside[:count], c.drive, c.memory)
+    c = with_wheels(c, scratch.wheels_beside[:count])
     s = np.empty(2 * free.size)
     walls = np.empty(2 * free.size)
     take_open(scratch.state, free, s)

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rattle.scene import Constants, Scene
+from rattle.scene import Constants, Scene, Wheel
 from rattle.scene.drive import most_modulation, most_velocity
 from rattle.scene.orbit import first_state
 
@@ -37,9 +37,11 @@ def time_scales(scene: Scene) -> TimeScales:
     wheels = scene.tree
     # of random gaps at most a tenth: few paths have a narrower one, however large c_max is
     random = scene.tolerance is not None and scene.tolerance.distribution != "fixed"
-    walls = c.wheels["wall"]
-    narrow = [min(w.tolerance, 0.9 * g) * random for w, g in zip(wheels, walls, strict=True)]
-    gap = float((walls - narrow).min())
+    state = scene.start_state
+    gap = math.inf
+    for i, (wheel, wall) in enumerate(zip(wheels, c.wheels["wall"].tolist(), strict=True)):
+        narrow = wall - min(wheel.tolerance, 0.9 * wall) * random
+        gap = min(gap, _fall(wheel, *state[2 * i : 2 * i + 2]) if wheel.one_sided else narrow)
     beta = c.wheels["beta"]
     damping = _over(1.0, float(beta.max()))
     # largest modulation of excitation and noise in the rate of a gap at the driver (Eq. 5)
@@ -49,14 +51,23 @@ def time_scales(scene: Scene) -> TimeScales:
     driver = c.alpha * float(turns[first].max()) * most_velocity(c.drive)
     # a narrow gap bounds the relative speed
     driven = min(driver, 2.0 * math.sqrt(c.alpha * most * gap))
-    dragged = (min(_over(w.gamma, w.beta), 2.0 * math.sqrt(w.gamma * gap)) for w in wheels)
-    starting = np.abs(scene.start_state[1::2]).max()
+    pulled = (w for w in wheels if w.gamma > 0.0)
+    dragged = (min(_over(w.gamma, w.beta), 2.0 * math.sqrt(w.gamma * gap)) for w in pulled)
+    starting = np.abs(state[1::2]).max()
     typical = max(driven, *dragged, float(starting))
-    noise = c.sigma * most
+    noise = c.sigma * (c.modulates * most + float(c.wheels["own"].max()))
     shaking = _over(gap, noise) ** (2.0 / 3.0)
     if shaking > damping:
         shaking = max(damping, _over(gap, noise * damping) ** 2)
     return TimeScales(damping, _over(gap, typical), shaking, _over(_leaving(scene), noise) ** 2)
+
+
+def _fall(wheel: Wheel, x: float, y: float) -> float:
+    """How far a body with one wall falls to it, from the top of its first flight; infinite without
+    a drag."""
+    if wheel.gamma == 0.0:
+        return math.inf
+    return (wheel.gap - x) + y * y / (2.0 * wheel.gamma) or wheel.gap
 
 
 def _modulation(c: Constants, beta: float) -> float:
@@ -80,8 +91,8 @@ def _over(a: float, b: float) -> float:
 def _leaving(scene: Scene) -> float:
     """Slowest speed with which a gap leaves a wall at the start; infinite if none does."""
     state = first_state(scene)
-    walls = scene.constants.wheels["wall"]
-    leaving = np.abs(state[::2]) >= walls
+    wheels = scene.constants.wheels
+    leaving = (state[::2] >= wheels["wall"]) | (-state[::2] >= wheels["low"])
     return float(np.abs(state[1::2])[leaving].min(initial=math.inf))
 
 
