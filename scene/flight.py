@@ -5,7 +5,8 @@ independently of the others.  It deviates by ``v_i = kappa_i alpha f' - u_i`` fr
 without play, f the driver's motion, ``sin tau`` or a sum of orders (`rattle.scene.drive`).  The
 rate of a gap is ``y_i = v_i`` at the driver and ``y_i = k_i v_p - v_i`` where the parent p is a
 wheel.  Increments over a flight are summed from terms that vanish with the flight time, so the
-relative accuracy is the same for flight times of 1e-12 and of 1e6.
+relative accuracy is the same for flight times of 1e-12 and of 1e6.  A spring holds a wheel at the
+driver that drives no other, so that its displacement is its own.
 """
 
 import math
@@ -14,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from rattle.scene.compiled import internal, jit, splice
-from rattle.scene.damping import damped, pair
+from rattle.scene.damping import Damped, damped, pair
 from rattle.scene.drive import (
     PERIOD,
     acceleration,
@@ -26,6 +27,7 @@ from rattle.scene.drive import (
 )
 from rattle.scene.elementary import gauss_legendre
 from rattle.scene.linear_algebra import congruence, put
+from rattle.scene.spring import sprung
 from rattle.scene.types import Constants, Floats
 
 # Gauss-Legendre on [0, 1]: 16 nodes are exact to rounding on panels of at most PANEL time units.
@@ -70,6 +72,48 @@ def deviations(c: Constants) -> Floats:
 
 
 @internal
+def respond(c: Constants, i: int, t: float) -> Damped:
+    """The response of a wheel's own motion over a time: with a spring, if one holds it."""
+    wheel = c.wheels[i]
+    if wheel.stiffness == 0.0:
+        return damped(wheel.beta, t)
+    return sprung(wheel.beta, wheel.stiffness, t)
+
+
+@internal
+def fastest_rate(c: Constants) -> float:
+    """A bound of the rates at which wheels relax or swing."""
+    fastest = 0.0
+    for i in range(c.wheels.size):
+        fastest = max(fastest, c.wheels[i].beta + math.sqrt(c.wheels[i].stiffness))
+    return fastest
+
+
+@internal
+def _excite_sprung(
+    drive: Any, beta: float, stiffness: float, tau: float, t: float
+) -> tuple[float, float]:
+    """What the drive adds to displacement and rate of a wheel that a spring holds, in a flight from
+    `tau` on: by Gauss-Legendre quadrature on panels, each carried through the next."""
+    fastest = beta + math.sqrt(stiffness) + highest_order(drive)
+    panels = max(1, math.ceil(abs(t) * fastest / PANEL))
+    h = t / panels
+    over = sprung(beta, stiffness, h)
+    moved = gained = 0.0
+    for k in range(panels):
+        pull = -stiffness * moved
+        moved += pull * over.g + gained * over.e
+        gained = pull * over.e + gained * over.d
+        for n in range(NODES.size):
+            p = sprung(beta, stiffness, h * NODES[n])
+            first, second = velocity_acceleration(drive, tau + (k + 1.0 - NODES[n]) * h)
+            m = h * WEIGHTS[n] * (second + beta * first)
+            moved += p.e * m
+            gained += p.d * m
+    return moved, gained
+
+
+@internal
 def displace(c: Constants, tau: float, u: Floats, s: Floats, t: float, out: Floats) -> None:
     """Increments of the displacements over a flight of time `t` from `tau`, and the rates at its
     end (Eq. 3).
@@ -80,11 +124,16 @@ def displace(c: Constants, tau: float, u: Floats, s: Floats, t: float, out: Floa
         wheel = c.wheels[i]
         y = s[2 * i + 1]
         if wheel.parent < 0:
-            p = damped(wheel.beta, t)
-            moved, gained = excite(c.drive, wheel.beta, p, tau, t)
+            p = respond(c, i, t)
+            moved = gained = 0.0
+            if wheel.stiffness == 0.0:
+                moved, gained = excite(c.drive, wheel.beta, p, tau, t)
+            elif c.alpha > 0.0:
+                moved, gained = _excite_sprung(c.drive, wheel.beta, wheel.stiffness, tau, t)
             pushed = wheel.sign * wheel.turn * c.alpha
-            out[2 * i] = y * p.e + wheel.drag * p.g + pushed * moved
-            out[2 * i + 1] = y * p.d + wheel.drag * p.e + pushed * gained
+            force = wheel.drag - wheel.stiffness * s[2 * i]
+            out[2 * i] = y * p.e + force * p.g + pushed * moved
+            out[2 * i + 1] = y * p.d + force * p.e + pushed * gained
         else:
             parent = c.wheels[wheel.parent]
             q = pair(parent.beta, wheel.beta, t)
@@ -122,7 +171,7 @@ def field(c: Constants, tau: float, s: Floats) -> Floats:
         if wheel.parent < 0:
             pull = wheel.beta * u[i] + wheel.gamma
             driver = wheel.turn * c.alpha * acceleration(c.drive, tau)
-            f[2 * i + 1] = wheel.sign * (driver + pull)
+            f[2 * i + 1] = wheel.sign * (driver + pull) - wheel.stiffness * s[2 * i]
         else:
             relative = -wheel.coupling * u[wheel.parent] - wheel.beta * s[2 * i + 1]
             f[2 * i + 1] = relative + wheel.drag
@@ -156,6 +205,7 @@ def system_matrix(c: Constants) -> Floats:
     for i in range(c.wheels.size):
         wheel = c.wheels[i]
         a[2 * i, 2 * i + 1] = 1.0
+        a[2 * i + 1, 2 * i] = -wheel.stiffness
         a[2 * i + 1, 2 * i + 1] = -wheel.beta
         if wheel.parent >= 0:
             for j in range(i):
@@ -174,9 +224,10 @@ def _propagate(c: Constants, v: Floats, apart: Floats, t: float) -> Floats:
     j = np.zeros((size, size))
     for i in range(c.wheels.size):
         wheel = c.wheels[i]
-        p = damped(wheel.beta, t)
-        j[2 * i, 2 * i] = 1.0
+        p = respond(c, i, t)
+        j[2 * i, 2 * i] = 1.0 - wheel.stiffness * p.g
         j[2 * i, 2 * i + 1] = p.e
+        j[2 * i + 1, 2 * i] = -wheel.stiffness * p.e
         j[2 * i + 1, 2 * i + 1] = p.d
         if wheel.parent >= 0 and apart[i] == 0.0:
             q = pair(c.wheels[wheel.parent].beta, wheel.beta, t)
@@ -219,7 +270,7 @@ def _respond(
     for i in range(c.wheels.size):
         wheel = c.wheels[i]
         if wheel.parent < 0 or apart[i] != 0.0:
-            p = damped(wheel.beta, lag)
+            p = respond(c, i, lag)
             m = wheel.sign * wheel.turn * (wheel.beta * cosine - sine)
             g[2 * i] = p.e * m
             g[2 * i + 1] = p.d * m
@@ -241,7 +292,7 @@ def _respond_own(c: Constants, apart: Floats, lag: float, g: Floats) -> None:
     """
     for i in range(c.wheels.size):
         wheel = c.wheels[i]
-        p = damped(wheel.beta, lag)
+        p = respond(c, i, lag)
         g[2 * i] = wheel.sign * wheel.own * p.e
         g[2 * i + 1] = wheel.sign * wheel.own * p.d
         if wheel.parent >= 0 and apart[i] == 0.0:
@@ -368,9 +419,7 @@ def _over_orders(
 @internal
 def _covariance(drive: Any, c: Constants, v: Floats, apart: Floats, tau: float, t: float) -> Floats:
     """Covariance of the coordinates of `noise_covariance` by unit noise."""
-    fastest = 0.0
-    for i in range(c.wheels.size):
-        fastest = max(fastest, c.wheels[i].beta)
+    fastest = fastest_rate(c)
     panel = min(PANEL, 2.0 / fastest) if fastest > 0.0 else PANEL
     if c.modulates == 0.0:
         return _of_own_noise(c, v, apart, t, panel)

@@ -25,6 +25,7 @@ MISSES = {
 """The same in words."""
 # time step off a wall that is touched at zero speed; the displacement in it is below rounding
 TOUCH_STEP = 1e-9
+SPRING_SHARE = 0.25  # of the fastest rate of a wheel with a spring, over which bounds are taken
 MOST_SEARCH_STEPS = 1_000_000  # of the search for one impact; DAT21 takes about ten
 # most times that a step is enlarged, each time by 8: the first step may be as short as 1e-80
 SOON = 100
@@ -132,8 +133,35 @@ def _touching(
 
 
 @internal
+def spring_step(c: Constants, i: int) -> float:
+    """A time over which the bounds of `approach` hold; infinite without a spring."""
+    wheel = c.wheels[i]
+    if wheel.stiffness == 0.0:
+        return math.inf
+    return SPRING_SHARE / (wheel.beta + math.sqrt(wheel.stiffness))
+
+
+@internal
+def _approach_sprung(
+    c: Constants, i: int, f: float, y: float, drive_rate: float
+) -> tuple[float, float, float, float]:
+    """`approach` of a wheel that a spring holds, over `spring_step`.
+
+    ``|a'| <= beta |a| + stiffness |y| + drive_rate``, and in that time y and the acceleration a
+    grow by no more than that makes of them.
+    """
+    wheel = c.wheels[i]
+    t = spring_step(c, i)
+    by_speed = wheel.stiffness * abs(y) + drive_rate
+    kept = 1.0 - t * (wheel.beta + t * wheel.stiffness)
+    most = (abs(f) + t * by_speed) / kept
+    jerk = by_speed + (wheel.beta + t * wheel.stiffness) * most
+    return f, max(f + t * jerk, 0.0), max(t * jerk - f, 0.0), jerk
+
+
+@internal
 def approach(
-    c: Constants, i: int, u: Floats, driver: float, force: float, jolt: float
+    c: Constants, i: int, x: float, y: float, u: Floats, driver: float, force: float, jolt: float
 ) -> tuple[float, float, float, float]:
     """Acceleration of a gap, its bounds towards both walls, and one of its rate of change.
 
@@ -145,7 +173,9 @@ def approach(
     wheel = c.wheels[i]
     pull = wheel.beta * u[i] + wheel.gamma
     if wheel.parent < 0:
-        f = wheel.sign * (pull + wheel.turn * driver)
+        f = wheel.sign * (pull + wheel.turn * driver) - wheel.stiffness * x
+        if wheel.stiffness > 0.0:
+            return _approach_sprung(c, i, f, y, wheel.turn * (jolt + wheel.beta * force))
         push = wheel.sign * pull
         most = wheel.turn * force
         jerk = wheel.turn * jolt + wheel.beta * abs(pull)
@@ -224,8 +254,9 @@ def next_impact(
         due = False
         resting = -1
         for i in range(n):
-            f, up, down, jerk = approach(c, i, u, driver, force, jolt)
             y = moved[2 * i + 1]
+            x = s[2 * i] + moved[2 * i]
+            f, up, down, jerk = approach(c, i, x, y, u, driver, force, jolt)
             above = high[i] - moved[2 * i]
             below = low[i] + moved[2 * i]
             to_high = safe_time(above, y, f, up, jerk)
@@ -234,7 +265,7 @@ def next_impact(
             due = due or sides[i] * y > 0.0
             if resting < 0 and y == 0.0 and f * sides[i] > 0.0:
                 resting = i
-            step = min(step, to_high, to_low)
+            step = min(step, to_high, to_low, spring_step(c, i))
         if due:
             slack = 1e-15 * rate * min(t, 10.0) if t > 0.0 else -1.0
             mesh = _put_touching(c, high, low, moved, sides, slack)

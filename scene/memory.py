@@ -12,7 +12,15 @@ import numpy as np
 
 from rattle.scene.compiled import internal, jit
 from rattle.scene.drive import highest_order, jerk, velocity_acceleration
-from rattle.scene.flight import NODES, PANEL, WEIGHTS, jacobian, noise_rate, system_matrix
+from rattle.scene.flight import (
+    NODES,
+    PANEL,
+    WEIGHTS,
+    fastest_rate,
+    jacobian,
+    noise_rate,
+    system_matrix,
+)
 from rattle.scene.linear_algebra import congruence, times, times_transposed
 from rattle.scene.types import Constants, Floats
 
@@ -20,9 +28,7 @@ from rattle.scene.types import Constants, Floats
 @internal
 def _panels(c: Constants, t: float) -> int:
     """Panels of a flight on which the quadrature is exact to rounding."""
-    fastest = max(1.0 / c.memory, highest_order(c.drive))
-    for i in range(c.wheels.size):
-        fastest = max(fastest, c.wheels[i].beta)
+    fastest = max(1.0 / c.memory, highest_order(c.drive), fastest_rate(c))
     return max(1, math.ceil(t * fastest / PANEL))
 
 

@@ -92,7 +92,7 @@ def find_touching(c: Constants, state: Floats) -> Ints:
     """Sides on which meshes touch their wall at zero speed; 0 for a mesh that does not."""
     touching = np.zeros(c.wheels.size, np.int64)
     for i in range(touching.size):
-        side, distance = nearest_wall(c.wheels[i], state[2 * i])
+        side, distance = nearest_wall(c, i, state[2 * i])
         if state[2 * i + 1] == 0.0 and distance == 0.0:
             touching[i] = side
     return touching

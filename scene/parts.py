@@ -43,6 +43,7 @@ LARGEST_TIME = 1e12
 
 
 LARGEST_BETA = 1e4
+LARGEST_STIFFNESS = 1e8  # the square of the largest beta
 LARGEST_RATE = 1e6  # of excitation, drag and noise
 MASSES = (1e-6, 1e6)  # of a wheel over that of wheel 1
 RATIOS = (1e-3, 1e3)
@@ -65,7 +66,7 @@ class Wheel:
     gamma : float
         Constant drag, 0 or 1e-30 to 1e6.
     gap : float
-        Half gap at its mesh, 1e-9 to 1e6.
+        Half gap at its mesh, 1e-9 to 1e6; that of a wall that stands alone may be 0.
     mass : float
         ``I / R^2`` at its mesh over that of wheel 1, 1e-6 to 1e6.
     parent : int or str
@@ -75,6 +76,9 @@ class Wheel:
         radius at wheel 1), 1e-3 to 1e3.
     epsilon : float, optional
         Restitution at its mesh, 0 to 1; by default that of the scene.
+    stiffness : float
+        Of a spring that holds it at the middle of its gap, ``x'' = ... - stiffness x``: 0 to 1e8.
+        It then meshes with the driver and drives no other.
     one_sided : bool
         Whether there is one wall only, at ``+gap``: that of a ball above its floor.  Drag pulls
         towards it.
@@ -105,20 +109,26 @@ class Wheel:
     epsilon: float | None = None
     tolerance: float = 0.0
     name: str = ""
+    stiffness: float = 0.0
     one_sided: bool = False
 
     def __post_init__(self) -> None:
-        for name in ("beta", "gamma", "gap", "mass", "ratio", "tolerance"):
+        for name in ("beta", "gamma", "gap", "mass", "ratio", "tolerance", "stiffness"):
             object.__setattr__(self, name, finite(f"wheel.{name}", getattr(self, name)))
         check_range("wheel.beta", non_negative("wheel.beta", self.beta), 0.0, LARGEST_BETA)
         gamma = non_negative("wheel.gamma", self.gamma)
         check_range("wheel.gamma", gamma, LEAST_SIZE, LARGEST_RATE)
+        stiffness = non_negative("wheel.stiffness", self.stiffness)
+        check_range("wheel.stiffness", stiffness, LEAST_SIZE, LARGEST_STIFFNESS)
         for name, (least, most) in {"gap": GAPS, "mass": MASSES, "ratio": RATIOS}.items():
-            value = positive(f"wheel.{name}", getattr(self, name))
-            check_range(f"wheel.{name}", value, least, most, zero=False)
+            value = getattr(self, name)
+            in_middle = name == "gap" and self.one_sided is True and value == 0.0
+            if not in_middle:
+                value = positive(f"wheel.{name}", value)
+                check_range(f"wheel.{name}", value, least, most, zero=False)
         tolerance = non_negative("wheel.tolerance", self.tolerance)
         check_range("wheel.tolerance", tolerance, LEAST_SIZE, GAPS[1])
-        if self.tolerance >= self.gap:
+        if self.tolerance and self.tolerance >= self.gap:
             why = f"must be below gap = {self.gap}, or a gap could close"
             raise InputError("wheel.tolerance", self.tolerance, why)
         if not isinstance(self.one_sided, bool):

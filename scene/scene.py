@@ -194,6 +194,7 @@ class Scene:
             *MEMORY_RANGE,
         )
         self._check_drive()
+        self._check_springs()
         self._check_noise()
         self._check_tolerance()
         if self.start is None:
@@ -255,6 +256,15 @@ class Scene:
                 "has no order with an amplitude; for a driver at rest give alpha = 0",
             )
         object.__setattr__(self, "drive", tuple(sorted(orders, key=lambda one: one.order)))
+
+    def _check_springs(self) -> None:
+        """Check that a spring holds only what meshes with the driver and drives nothing: its
+        displacement is its own."""
+        parents = [wheel.parent for wheel in self.tree]
+        for number, (label, wheel) in enumerate(zip(self.wheel_names, self.tree, strict=True), 1):
+            if wheel.stiffness and (wheel.parent != 0 or number in parents):
+                why = "a spring holds only what meshes with the driver and drives no other: 0 here"
+                raise InputError(f"wheel.{label}.stiffness", wheel.stiffness, why)
 
     def _check_noise(self) -> None:
         """Check that the noise acts on something that the scene has."""
@@ -679,10 +689,12 @@ class Scene:
         fixed = self.tolerance is not None and self.tolerance.distribution == "fixed"
         tree = self.tree
         wheels = np.zeros(len(tree), WHEEL)
-        for name in ("ratio", "beta", "gamma", "epsilon", "mass"):
+        for name in ("ratio", "beta", "gamma", "stiffness", "epsilon", "mass"):
             wheels[name] = [getattr(wheel, name) for wheel in tree]
         wheels["wall"] = [wheel.gap + fixed * wheel.tolerance for wheel in tree]
         wheels["low"] = [wheel.low_gap + fixed * wheel.tolerance for wheel in tree]
+        # a wall in the middle has the unit of length
+        wheels["size"] = [wheel.gap or 1.0 for wheel in tree]
         wheels["own"] = np.arange(1, len(tree) + 1) == self.noisy_wheel
         parents = [int(wheel.parent) - 1 for wheel in tree]
         wheels["parent"] = parents
@@ -923,7 +935,11 @@ def _are_in_a_row(wheels: tuple[Wheel, ...], epsilon: float) -> bool:
     and one radius each."""
     parents = [wheel.parent for wheel in wheels]
     plain = all(
-        w.ratio == 1.0 and w.epsilon in (None, epsilon) and not w.name and not w.one_sided
+        w.ratio == 1.0
+        and w.epsilon in (None, epsilon)
+        and not w.name
+        and not w.one_sided
+        and not w.stiffness
         for w in wheels
     )
     return plain and parents in ([0], [0, 1])

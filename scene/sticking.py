@@ -93,7 +93,8 @@ def contact_motion(c: Constants, driver: Driver, s: Floats, closed: Ints, bodies
             body.speed = wheel.turn * speed - wheel.sign * s[2 * i + 1]
         else:
             body.speed = wheel.ratio * bodies[wheel.parent].speed + s[2 * i + 1]
-        body.pull = wheel.mass * (wheel.beta * body.speed + wheel.gamma)
+        held = wheel.gamma - wheel.stiffness * s[2 * i]
+        body.pull = wheel.mass * (wheel.beta * body.speed + held)
     for i in range(c.wheels.size - 1, -1, -1):
         wheel = c.wheels[i]
         body = bodies[i]
@@ -128,6 +129,7 @@ def _bound_accelerations(c: Constants, driver: Driver, bodies: Bodies) -> float:
     for i in range(c.wheels.size):
         wheel = c.wheels[i]
         total += abs(wheel.beta * bodies[i].speed + wheel.gamma) + wheel.turn * acceleration
+        total += wheel.stiffness * wheel.size
         mass += wheel.turn * wheel.turn * wheel.mass
         lightest = min(lightest, wheel.turn * wheel.turn * wheel.mass)
     return total * mass / lightest
@@ -255,7 +257,8 @@ def opening(c: Constants, tau: float, s: Floats, closed: Ints) -> tuple[float, i
             t = 0.0
         elif body.root == DRIVER:
             side = closed[i] * int(wheel.sign)
-            t = _until_driver(c.drive, side, body.beta, body.gamma, wheel.turn * c.alpha, tau)
+            held = body.gamma - wheel.stiffness * s[2 * i]
+            t = _until_driver(c.drive, side, body.beta, held, wheel.turn * c.alpha, tau)
         else:
             t = _until_apart(i, bodies[body.root].speed, bodies)
         if t < first:
@@ -314,6 +317,8 @@ def write_bodies(c: Constants, closed: Ints, free: Ints, bodies: Bodies, wheels:
         body.gamma = bodies[i].gamma
         body.own = bodies[i].own
         body.mass = bodies[i].mass
+        body.stiffness = wheel.stiffness
+        body.size = wheel.size
         body.wall = wheel.wall
         body.low = wheel.low
         body.epsilon = wheel.epsilon
@@ -455,7 +460,7 @@ def close(c: Constants, s: Floats, closed: Ints, walls: Floats, bodies: Bodies) 
 def _is_slow(c: Constants, i: int, s: Floats, most: float) -> bool:
     """Whether a mesh is as slow and as close to a wall as one that sticks together with others."""
     wheel = c.wheels[i]
-    gap = max(nearest_wall(wheel, s[2 * i])[1], 0.0)
+    gap = max(nearest_wall(c, i, s[2 * i])[1], 0.0)
     limit = (1.0 - wheel.epsilon) * CHATTER_LIMIT
     rate = abs(s[2 * i + 1])
     return bool(2.0 * rate <= limit * most and 8.0 * gap <= limit * limit * most)
@@ -485,7 +490,8 @@ def may_chatter(c: Constants, tau: float, s: Floats, mesh: int) -> bool:
         if i != at and _is_slow(c, i, s, most):
             return True
     driver = c.alpha * motion.acceleration(c.drive, tau)
-    towards = approach(c, at, wheel_speeds(c, tau, s), driver, 0.0, 0.0)[0]
+    u = wheel_speeds(c, tau, s)
+    towards = approach(c, at, s[2 * at], s[2 * at + 1], u, driver, 0.0, 0.0)[0]
     return bool(2.0 * rate <= limit * abs(towards))
 
 
@@ -520,7 +526,7 @@ def _stick_together(
             others = others or i != mesh - 1
             longest = max(longest, 2.0 / (1.0 - wheel.epsilon))
             fastest = max(fastest, abs(s[2 * i + 1]))
-            furthest = max(furthest, nearest_wall(wheel, s[2 * i])[1])
+            furthest = max(furthest, nearest_wall(c, i, s[2 * i])[1])
     if not (others and weakest > 0.0):
         return False
     t = longest * (fastest + math.sqrt(2.0 * strongest * furthest)) / weakest
@@ -560,10 +566,10 @@ def complete_chatter(
     change = 0.0
     for i in range(n):
         wheel = c.wheels[i]
-        nearest, distance = nearest_wall(wheel, s[2 * i])
+        nearest, distance = nearest_wall(c, i, s[2 * i])
         gap = max(distance, 0.0)
         slow = _is_slow(c, i, s, most)
-        change += approach(c, i, u, driver, force, jolt)[3]
+        change += approach(c, i, s[2 * i], s[2 * i + 1], u, driver, force, jolt)[3]
         near[i] = nearest if slow or i == mesh - 1 else 0
         # speed that it has at its wall at most
         fastest = abs(s[2 * i + 1]) + math.sqrt(2.0 * most * gap)
@@ -588,7 +594,8 @@ def complete_chatter(
     if not (press > 0.0 and speed >= 0.0):
         return math.inf, never
     t = 2.0 / (1.0 - c.wheels[mesh - 1].epsilon) * speed / press
-    change = approach(c, mesh - 1, u, driver, force, jolt)[3]
+    at = 2 * mesh - 2
+    change = approach(c, mesh - 1, s[at], s[at + 1], u, driver, force, jolt)[3]
     if t > CHATTER_LIMIT or t * change > CHATTER_LIMIT * press:
         return math.inf, never
     closed[mesh - 1] = side

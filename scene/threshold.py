@@ -126,7 +126,8 @@ def least_drags(c: Constants) -> Floats:
     for i in range(wheels.size - 1, -1, -1):
         wheel = wheels[i]
         below = kept[i]
-        needed = wheel.turn * _largest_pull(c, bodies[i].beta) * bodies[i].mass
+        pulls = wheel.turn * _largest_pull(c, bodies[i].beta) + wheel.stiffness * wheel.wall
+        needed = pulls * bodies[i].mass
         least[i] = max((needed - below) / wheel.mass, 0.0)
         if wheel.parent >= 0:
             total = wheel.mass * max(wheel.gamma, least[i]) + below

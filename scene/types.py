@@ -71,14 +71,20 @@ WHEEL = np.dtype(
             ("turn", np.float64),  # kappa: product of the ratios from the driver on
             ("beta", np.float64),
             ("gamma", np.float64),
+            ("stiffness", np.float64),  # of a spring that holds it at the middle of its gap
             ("wall", np.float64),  # half gap of the deterministic orbit
             ("low", np.float64),  # the same where it has two walls; infinite where it has one
+            ("size", np.float64),  # a length that is small beside its motion is small beside this
             ("epsilon", np.float64),
             ("mass", np.float64),  # at its own mesh, in units of that of wheel 1
             ("share", np.float64),  # of the parent, of the change of the rate at an impact
-            ("own", np.float64),  # of a noise that does not modulate the drive: 1 on its wheel, or 0
-            # The gap obeys y' = -beta y + coupling v_p + drag + (alpha + modulates sigma eta)
-            # (second f'' + first f') + force sigma eta, v_p the deviation of the parent's speed
+            (
+                "own",
+                np.float64,
+            ),  # of a noise that does not modulate the drive: 1 on its wheel, or 0
+            # The gap obeys y' = -beta y - stiffness x + coupling v_p + drag + (alpha + modulates
+            # sigma eta) (second f'' + first f') + force sigma eta, v_p the deviation of the
+            # parent's speed
             ("coupling", np.float64),
             ("drag", np.float64),
             ("second", np.float64),

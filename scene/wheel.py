@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from rattle.scene.compiled import inline, internal
+from rattle.scene.compiled import inline, internal, splice
 from rattle.scene.drive import most_modulation, most_modulation_rate
 from rattle.scene.types import Constants, Floats, Wheels
 
@@ -43,21 +43,21 @@ def complete_wheels(wheels: Wheels, drive: Any) -> None:
             wheel.force = wheel.ratio * parent.own - wheel.own
 
 
-@inline
+@splice
 def with_wheels(c: Constants, wheels: Wheels) -> Constants:
-    """The constants of a scene with other wheels."""
+    """The constants of a scene with other wheels; the caller counts references to them, or not."""
     return Constants(c.alpha, c.sigma, wheels, c.drive, c.memory, c.modulates)
 
 
 @inline
-def nearest_wall(wheel: Any, x: float) -> tuple[int, float]:
-    """The side of the wall that is nearest to a displacement, and the distance to it."""
+def nearest_wall(c: Constants, i: int, x: float) -> tuple[int, float]:
+    """The side of the wall of gap i that is nearest to a displacement, and the distance to it."""
+    wheel = c.wheels[i]
     above = wheel.wall - x
     below = wheel.low + x
     return (1, above) if above <= below else (-1, below)
 
 
 def flanks_of(c: Constants) -> Floats:
-    """Distances of the flanks +1, -1, +2, -2, ... from the middle of their gap, shape (2 wheels,).
-    """
+    """Distances of the flanks +1, -1, +2, -2, ... from the middle of their gap, shape (2 wheels,)."""
     return np.column_stack([c.wheels["wall"], c.wheels["low"]]).ravel()

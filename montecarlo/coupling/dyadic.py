@@ -301,7 +301,7 @@ def _close_resting(tree: Tree, tau: float, alpha: float, held: Ints) -> None:
     s = room.state
     touching = held.copy()
     for i in range(held.size):
-        side, distance = nearest_wall(c.wheels[i], s[2 * i])
+        side, distance = nearest_wall(c, i, s[2 * i])
         if s[2 * i + 1] == 0.0 and distance == 0.0:
             touching[i] = side
     pushed = Constants(alpha, c.sigma, c.wheels, c.drive, c.memory, c.modulates)

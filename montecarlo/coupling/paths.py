@@ -224,7 +224,7 @@ def _place(c: Constants, a: Floats, b: Floats, delta: float) -> bool:
         inside = True
         for i in range(c.wheels.size):
             x = a[2 * i] + sign * (b[2 * i] - a[2 * i]) * delta / d
-            inside = inside and nearest_wall(c.wheels[i], x)[1] > 0.0
+            inside = inside and nearest_wall(c, i, x)[1] > 0.0
         if inside:
             for i in range(a.size):
                 b[i] = a[i] + sign * (b[i] - a[i]) * delta / d

@@ -33,6 +33,7 @@ def has_controls(c: Constants) -> bool:
         and c.memory == 0.0
         and not c.drive
         and c.modulates > 0.0
+        and float(c.wheels["stiffness"].max()) == 0.0
         and float(c.wheels["beta"].max()) <= STRONGEST_NOISE
     )
 

@@ -58,7 +58,8 @@ def margin_of(c: Constants, phase: Phase, h: float, i: int) -> float:
         driver = min(most_velocity(c.drive), abs(phase[1]) + h * most_acceleration(c.drive))
         modulation = driver + h * modulation
     spread = MARGIN_SDS * abs(c.sigma) * h * math.sqrt(h) * SCALE
-    stiff = highest_order(c.drive) + max(beta, wheel.beta)
+    force += wheel.stiffness * wheel.size
+    stiff = highest_order(c.drive) + max(beta, wheel.beta) + math.sqrt(wheel.stiffness)
     square = h * h
     # Hermite error: h^4 / 384 times the 4th derivative
     bend: float = square * square / 96.0 * force * (stiff * stiff)
@@ -158,7 +159,7 @@ def noise_free_reach(c: Constants, i: int, speed: float, other: float) -> float:
     modulation = wheel.turn * wheel.modulation
     noise = c.modulates * modulation + abs(wheel.force)
     most = noise * noise
-    force = abs(wheel.drag) + wheel.beta * abs(speed)
+    force = abs(wheel.drag) + wheel.beta * abs(speed) + wheel.stiffness * wheel.size
     if wheel.parent < 0:
         force += c.alpha * modulation
     else:
@@ -166,7 +167,7 @@ def noise_free_reach(c: Constants, i: int, speed: float, other: float) -> float:
     noisy = (STEADY * STEADY) * c.sigma * c.sigma * most
     bent = force / STRAIGHT
     square = speed * speed
-    near: float = NEAR_WALL * wheel.wall
+    near: float = NEAR_WALL * wheel.size
     if square * abs(speed) < noisy * near or square < bent * near:
         near = min(
             square * abs(speed) / noisy if noisy > 0.0 else near,
@@ -186,7 +187,7 @@ def cut_share(c: Constants, phase: Phase, s: Floats, end: Floats, h: float, wall
         y0 = s[2 * i + 1]
         x1 = end[2 * i]
         y1 = end[2 * i + 1]
-        rest = CLOSE_TO_WALL * c.wheels[i].wall
+        rest = CLOSE_TO_WALL * c.wheels[i].size
         close = noise_free_reach(c, i, y1, parent_deviation(c, end, i))
         high = _cut_at(walls[2 * i] - x0, -y0, walls[2 * i] - x1, -y1, h, margin, rest, close)
         low = walls[2 * i + 1]

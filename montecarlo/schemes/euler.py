@@ -48,7 +48,9 @@ class GapStep(NamedTuple):
 
     h: float  # length
     keep: float  # share of the rate that is kept
-    pull: float  # of the deviation of the parent's speed
+    # of the deviation of the parent's speed; of a wheel at the driver of its own displacement,
+    # against its spring
+    pull: float
     push: float  # push, kick: see the forcing
     kick: float
     wall: float
@@ -71,9 +73,10 @@ def _step_gap(
     else."""
     for p in range(beyond.size):
         rate = y[p]
+        pulled = fma(f.pull, v[p], fma(f.kick, z[p], f.push))
         at = fma(f.h, rate, x[p])
         x[p] = at
-        y[p] = fma(f.keep, rate, fma(f.pull, v[p], fma(f.kick, z[p], f.push)))
+        y[p] = fma(f.keep, rate, pulled)
         out = (at > high[p]) | (-at > low[p]) if f.toleranced else abs(at) > f.wall
         beyond[p] = out | (f.seen & beyond[p])
 
@@ -108,7 +111,7 @@ def plain_lanes(
         f = GapStep(
             h,
             1.0 - h * wheel.beta,
-            h * wheel.coupling,
+            h * (wheel.coupling if parent >= 0 else -wheel.stiffness),
             forcing[i, PUSH],
             forcing[i, KICK],
             wheel.wall,
@@ -119,8 +122,8 @@ def plain_lanes(
         y = state[2 * i + 1]
         high = walls[2 * i]
         low = walls[2 * i + 1]
-        if parent < 0:  # coupling is 0, so that any vector does
-            _step_gap(f, x, y, z, z, high, low, beyond)
+        if parent < 0:
+            _step_gap(f, x, y, x, z, high, low, beyond)
         elif c.wheels[parent].parent < 0:
             _step_gap(f, x, y, state[2 * parent + 1], z, high, low, beyond)
         else:

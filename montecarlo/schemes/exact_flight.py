@@ -64,6 +64,7 @@ from rattle.scene import Bools, Constants, Floats, Scene
 from rattle.scene.compiled import inline, lean, lean_internal, not_inlined, splice
 from rattle.scene.damping import pair
 from rattle.scene.drive import highest_order
+from rattle.scene.flight import respond
 from rattle.scene.sticking import put_open, take_open
 from rattle.scene.wheel import with_wheels
 
@@ -79,7 +80,7 @@ MORE_CALLS = Word(58)
 
 CARRY = 0
 """First of the columns of a step's forcing: what the rate adds to displacement and rate, what the
-deviation of the parent's speed does, then of excitation and drag, of a unit normal for the
+deviation of the parent's speed does, or at the driver the displacement, against a spring; then of excitation and drag, of a unit normal for the
 increment, and of one for the area, on displacement and rate; and the margin of the walls."""
 DRIFT = 4
 ALONG = 6
@@ -108,9 +109,14 @@ def flight_forcing(c: Constants, tau: float, h: float, scratch: Scratch) -> None
         forcing[i, CARRY] = p.e2
         forcing[i, CARRY + 1] = p.d2
         # k (e_p - e_i) and k (d_p - d_i)
-        carried = wheel.ratio if wheel.parent >= 0 else 0.0
-        forcing[i, CARRY + 2] = carried * p.e12
-        forcing[i, CARRY + 3] = carried * p.d12
+        forcing[i, CARRY + 2] = wheel.ratio * p.e12
+        forcing[i, CARRY + 3] = wheel.ratio * p.d12
+        if wheel.parent < 0:
+            own = respond(c, i, h)
+            forcing[i, CARRY] = own.e
+            forcing[i, CARRY + 1] = own.d
+            forcing[i, CARRY + 2] = -wheel.stiffness * own.g
+            forcing[i, CARRY + 3] = -wheel.stiffness * own.e
         forcing[i, MARGIN] = margin_of(c, phase, h, i)
 
 
@@ -127,7 +133,7 @@ class GapFlight(NamedTuple):
 
     third: float  # a third of its length
     carry: tuple[float, float]  # of the rate, on displacement and rate
-    others: tuple[float, float]  # of the deviation of the parent's speed
+    others: tuple[float, float]  # of the deviation of the parent's speed, or of the displacement
     drift: tuple[float, float]
     along: tuple[float, float]
     across: tuple[float, float]
@@ -217,8 +223,8 @@ def step_lanes(
         y0 = before[2 * i + 1]
         high = walls[2 * i]
         low = walls[2 * i + 1]
-        if parent < 0:  # the driver does not deviate, so that any vector does
-            _fly_gap(f, x, y, x0, y0, z, z, area, high, low, near)
+        if parent < 0:
+            _fly_gap(f, x, y, x0, y0, x, z, area, high, low, near)
         elif c.wheels[parent].parent < 0:
             _fly_gap(f, x, y, x0, y0, state[2 * parent + 1], z, area, high, low, near)
         else:
@@ -240,15 +246,15 @@ def _due(c: Constants, s: Floats, walls: Floats) -> tuple[int, float, float]:
     for i in range(c.wheels.size):
         x = s[2 * i]
         y = s[2 * i + 1]
-        wall = c.wheels[i].wall
+        size = c.wheels[i].size
         gap = walls[2 * i] - x if y > 0.0 else walls[2 * i + 1] + x
         if y == 0.0:
             continue
-        if gap > NEAR_WALL * wall:
+        if gap > NEAR_WALL * size:
             reach = min(reach, gap / abs(y))
             continue
         swift = abs(gap) <= noise_free_reach(c, i, y, parent_deviation(c, s, i))
-        if swift or gap <= CLOSE_TO_WALL * wall:
+        if swift or gap <= CLOSE_TO_WALL * size:
             time = gap / abs(y) if swift else 0.0
             if time < lead - TOGETHER:
                 code = i + 1 if y > 0.0 else -(i + 1)
@@ -280,8 +286,10 @@ def _land(
         m = wheel.second * second + wheel.first * first
         m_rate = wheel.second * third + wheel.first * second
         y = s[2 * i + 1]
-        rate = (wheel.drag - wheel.beta * y) + (wheel.coupling * others + c.alpha * m)
-        bend = (wheel.coupling * rate_of_others - wheel.beta * rate) + c.alpha * m_rate
+        steady = wheel.drag - wheel.stiffness * s[2 * i]
+        rate = (steady - wheel.beta * y) + (wheel.coupling * others + c.alpha * m)
+        turned = wheel.beta * rate + wheel.stiffness * y
+        bend = (wheel.coupling * rate_of_others - turned) + c.alpha * m_rate
         carried = wheel.ratio if wheel.parent >= 0 else 0.0
         v[2 + i, 0] = wheel.sign * y + carried * others
         v[2 + i, 1] = wheel.sign * rate + carried * rate_of_others

@@ -20,6 +20,7 @@ from rattle.scene.drive import (
     phase_of_orders,
     sine_cosine,
 )
+from rattle.scene.flight import fastest_rate
 
 Phase = tuple[float, ...]
 """Sine and cosine of a time; of several orders ``-f''``, ``f'``, ``-f'''`` and the time itself."""
@@ -78,8 +79,8 @@ def short_flight(
 ) -> Phase:
     """Fly for a time h, at most a step, with given noise; writes the end and returns its phase.
 
-    With u = t / h in [0, 1] the flight is ``dx/du = h y`` and ``dy/du = h (drag - beta y + coupling
-    v_p) + m (even + odd u)``, v_p the deviation of the parent's speed; noise on a wheel is a drag
+    With u = t / h in [0, 1] the flight is ``dx/du = h y`` and ``dy/du = h (drag - beta y - stiffness x
+    + coupling v_p) + m (even + odd u)``, v_p the deviation of the parent's speed; noise on a wheel is a drag
     that grows.  All series are summed until
     their terms, of relative size ``(h (1 + beta))^k / k!``, are below rounding: eight terms at the
     default step, three at the last trial before an impact.
@@ -105,9 +106,7 @@ def _fly(
     end: Floats,
 ) -> Phase:
     """`short_flight` for the drive at hand."""
-    fastest = 0.0
-    for i in range(c.wheels.size):
-        fastest = max(fastest, c.wheels[i].beta)
+    fastest = fastest_rate(c)
     terms, after = _expand_drive(drive, phase, h, abs(h) * (highest_order(drive) + fastest), series)
     odd_noise = 12.0 * c.sigma * area
     even_noise = c.sigma * increment - 0.5 * odd_noise
@@ -121,6 +120,7 @@ def _fly(
         coupling = wheel.coupling
         by_acceleration = wheel.second
         by_velocity = wheel.first
+        stiffness = wheel.stiffness
         sign = wheel.sign
         ratio = wheel.ratio
         speed = series[2 + i]
@@ -131,6 +131,7 @@ def _fly(
         steady = dragged * h * wheel.drag + even_noise * wheel.force
         growing = odd_noise * wheel.force
         y_end = y
+        place = x
         moved = 0.0
         before = 0.0
         speed[0] = sign * y + ratio * carried[0]
@@ -138,9 +139,11 @@ def _fly(
             share = RECIPROCALS[k]
             hk = h * share
             m = by_acceleration * series[1, k - 1] + by_velocity * series[0, k - 1]
-            moved += hk * y
+            step = hk * y
+            moved += step
             forced = share * (steady + (even * m + odd * before))
-            y = forced + hk * (coupling * carried[k - 1] - beta * y)
+            y = forced + hk * (coupling * carried[k - 1] - beta * y - stiffness * place)
+            place = step
             y_end += y
             before = m
             steady = growing
