@@ -90,8 +90,9 @@ def _place(scene: Scene) -> Floats:
     flanks = 2 * len(scene.tree)
     out = np.eye(1 + 2 * flanks, flanks, -1 - flanks)
     for i, (wheel, x) in enumerate(zip(scene.tree, scene.start.values[::2], strict=False)):
-        if x in (wheel.gap, -wheel.low_gap):  # the start lies on each path's own flank
-            out[1 + 2 * i, 2 * i + (x < 0.0)] = np.sign(x)
+        side = wheel.side_of(x)
+        if side != 0:  # the start lies on each path's own flank
+            out[1 + 2 * i, 2 * i + (side < 0)] = side
     return out
 
 

@@ -83,7 +83,7 @@ def put_impact(
         at.before[k, i] = state[i]
         at.after[k, i] = state[i]
     if mesh > 0:
-        at.side[k] = 1 if state[2 * mesh - 2] > 0.0 else -1
+        at.side[k] = nearest_wall(c, mesh - 1, state[2 * mesh - 2])[0]
         strike(c, mesh, at.after[k])
 
 

@@ -145,6 +145,12 @@ class Wheel:
         """Distance of its lower wall from the middle: `gap`, or infinite where there is none."""
         return math.inf if self.one_sided else self.gap
 
+    def side_of(self, x: float) -> int:
+        """The side of the nominal flank on which a displacement lies, 1 or -1; 0 off both."""
+        if x == self.gap:
+            return 1
+        return -1 if x == -self.low_gap else 0
+
 
 def are_given(wheels: object) -> bool:
     """Whether wheels are given, rightly or wrongly."""

@@ -425,22 +425,21 @@ class Scene:
         for i, wheel in enumerate(self.tree, 1):
             x, y = start.values[2 * i - 2 : 2 * i]
             gap = wheel.gap
-            on_flank = x in (gap, -wheel.low_gap)
+            side = wheel.side_of(x)
             ahead = x if wheel.one_sided else abs(x)
-            if ahead > gap - wheel.tolerance and not on_flank:
+            sides = "" if wheel.one_sided else "+-"
+            if ahead > gap - wheel.tolerance and side == 0:
                 inside = gap - wheel.tolerance
                 where = f"must lie on a flank (+-{gap}) or inside +-{inside}"
                 if wheel.one_sided:
                     where = f"must lie on the wall ({gap}) or before it"
                 raise InputError(f"start.x{i}", x, where)
-            if start.mesh == i and not (on_flank and x * np.sign(y) > 0.0):
-                sides = "" if wheel.one_sided else "+-"
-                why = (
-                    f"an impact at mesh {i} needs x{i} = {sides}{gap} and y{i} outward; given x{i} ="
-                    f" {x}, y{i} = {y}"
+            if start.mesh == i and side * y <= 0.0:
+                needed = f"an impact at mesh {i} needs x{i} = {sides}{gap} and y{i} outward"
+                raise InputError(
+                    "start.mesh", start.mesh, f"{needed}; given x{i} = {x}, y{i} = {y}"
                 )
-                raise InputError("start.mesh", start.mesh, why)
-            if start.mesh == 0 and on_flank and x * np.sign(y) >= 0.0:
+            if start.mesh == 0 and side * y >= 0.0 and side != 0:
                 raise InputError(
                     f"start.y{i}",
                     y,
@@ -749,8 +748,8 @@ class Scene:
         walls = self.constants.wheels["wall"]
         state = np.array(self.start.values[: 2 * self.stages])
         for i, wheel in enumerate(self.tree):
-            if state[2 * i] in (wheel.gap, -wheel.low_gap):
-                state[2 * i] = math.copysign(walls[i], state[2 * i])
+            side = wheel.side_of(state[2 * i])
+            state[2 * i] = side * walls[i] if side else state[2 * i]
         return state
 
     def to_dict(self) -> dict[str, Any]:

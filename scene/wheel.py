@@ -14,7 +14,7 @@ from rattle.scene.types import Constants, Floats, Wheels
 
 @internal
 def complete_wheels(wheels: Wheels, drive: Any) -> None:
-    """Fill in what follows from parent, sign, ratio, turn, damping, drag, noise and mass of wheels.
+    """Fill in what follows from parent, sign, ratio, turn, damping, drag, noise and mass.
 
     Shapes: `wheels` (wheels,), of `rattle.scene.types.WHEEL`.
     """
@@ -45,7 +45,8 @@ def complete_wheels(wheels: Wheels, drive: Any) -> None:
 
 @splice
 def with_wheels(c: Constants, wheels: Wheels) -> Constants:
-    """The constants of a scene with other wheels; the caller counts references to them, or not."""
+    """The constants of a scene with other wheels.  Spliced, for only the caller knows whether
+    references are counted."""
     return Constants(c.alpha, c.sigma, wheels, c.drive, c.memory, c.modulates)
 
 
@@ -59,5 +60,5 @@ def nearest_wall(c: Constants, i: int, x: float) -> tuple[int, float]:
 
 
 def flanks_of(c: Constants) -> Floats:
-    """Distances of the flanks +1, -1, +2, -2, ... from the middle of their gap, shape (2 wheels,)."""
+    """Distances of the flanks +1, -1, +2, -2, ... from the middle, shape (2 wheels,)."""
     return np.column_stack([c.wheels["wall"], c.wheels["low"]]).ravel()

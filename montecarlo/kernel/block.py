@@ -109,8 +109,10 @@ def start_state(scene: Scene, walls: Floats) -> Floats:
     state = np.empty_like(walls)
     for i, wheel in enumerate(scene.tree):
         x = scene.start.values[2 * i]
-        on_flank = walls[2 * i] if x > 0.0 else -walls[2 * i + 1]
-        state[2 * i] = on_flank if x in (wheel.gap, -wheel.low_gap) else x
+        side = wheel.side_of(x)
+        state[2 * i] = x
+        if side != 0:
+            state[2 * i] = walls[2 * i] if side > 0 else -walls[2 * i + 1]
         state[2 * i + 1] = rates[2 * i + 1]
     return state
 

@@ -26,8 +26,8 @@ STRONGEST_NOISE = 2.5
 
 
 def has_controls(c: Constants) -> bool:
-    """Whether a scene has these control variates: white noise of the drive, one order, and a speed known
-    over a piece."""
+    """Whether a scene has these control variates: white noise of the drive, one order, no spring,
+    and a speed known over a piece."""
     return (
         c.sigma > 0.0
         and c.memory == 0.0

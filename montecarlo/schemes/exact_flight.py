@@ -80,8 +80,9 @@ MORE_CALLS = Word(58)
 
 CARRY = 0
 """First of the columns of a step's forcing: what the rate adds to displacement and rate, what the
-deviation of the parent's speed does, or at the driver the displacement, against a spring; then of excitation and drag, of a unit normal for the
-increment, and of one for the area, on displacement and rate; and the margin of the walls."""
+deviation of the parent's speed does, or at the driver the displacement, against a spring; then of
+excitation and drag, of a unit normal for the increment, and of one for the area, on displacement
+and rate; and the margin of the walls."""
 DRIFT = 4
 ALONG = 6
 ACROSS = 8

@@ -79,11 +79,11 @@ def short_flight(
 ) -> Phase:
     """Fly for a time h, at most a step, with given noise; writes the end and returns its phase.
 
-    With u = t / h in [0, 1] the flight is ``dx/du = h y`` and ``dy/du = h (drag - beta y - stiffness x
-    + coupling v_p) + m (even + odd u)``, v_p the deviation of the parent's speed; noise on a wheel is a drag
-    that grows.  All series are summed until
-    their terms, of relative size ``(h (1 + beta))^k / k!``, are below rounding: eight terms at the
-    default step, three at the last trial before an impact.
+    With u = t / h in [0, 1] the flight is ``dx/du = h y`` and ``dy/du = h (drag - beta y -
+    stiffness x + coupling v_p) + m (even + odd u)``, v_p the deviation of the parent's speed; noise
+    on a wheel is a drag that grows.  All series are summed until their terms, of relative size ``(h
+    (1 + beta))^k / k!``, are below rounding: eight terms at the default step, three at the last
+    trial before an impact.
 
     `alpha`, `dragged`: the excitation, and 1 with drag or 0 without.  Shapes: `s`, `end` (2
     wheels,); `series` as in `Scratch`.

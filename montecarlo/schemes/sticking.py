@@ -49,7 +49,7 @@ from rattle.scene.sticking import (
     write_bodies,
 )
 from rattle.scene.types import Bodies
-from rattle.scene.wheel import nearest_wall, with_wheels
+from rattle.scene.wheel import with_wheels
 
 # bound on the rate of fast impacts at a closed mesh, over ``exp(-tail w)``, in its units of time:
 # 0.2 to 1.2 for restitutions up to 0.9 and speeds of 4 to 8 units, in 4e5 units of time each
