@@ -170,19 +170,21 @@ def steps_per_period(scene: Scene) -> int:
 def _spread_starts(
     scene: Scene, state: Floats, walls: Floats, seed: np.random.SeedSequence, first: int
 ) -> None:
-    """Put all paths but path 0, which has the scene's own start, anywhere between their walls.
+    """Put all paths but path 0, which has the scene's own start, anywhere between their walls, or
+    in the size of a body before the one that it has.
 
     What all paths have in common at the end is then not what they had in common at the start.
 
     Shapes: `state`, `walls` (2 wheels, paths).
     """
     others = slice(1 if first == 0 else 0, None)
-    speed = float(scene.constants.wheels["wall"].min()) / time_scales(scene).crossing
+    size = scene.constants.wheels["size"]
+    speed = float(size.min()) / time_scales(scene).crossing
     speed = speed if 0.0 < speed < math.inf else 1.0
     rng = np.random.default_rng(np.random.SeedSequence([*seed.generate_state(4), first]))
     u = rng.uniform(size=walls.shape)
     high = walls[0::2]
-    low = walls[1::2]
+    low = np.minimum(walls[1::2], size[:, None])
     state[0::2, others] = (-low + (0.01 + 0.98 * u[0::2]) * (high + low))[:, others]
     state[1::2, others] = (speed * (2.0 * u[1::2] - 1.0))[:, others]
 
