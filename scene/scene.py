@@ -693,7 +693,7 @@ class Scene:
         wheels["wall"] = [wheel.gap + fixed * wheel.tolerance for wheel in tree]
         wheels["low"] = [wheel.low_gap + fixed * wheel.tolerance for wheel in tree]
         # a wall in the middle has the unit of length
-        wheels["size"] = [wheel.gap or 1.0 for wheel in tree]
+        wheels["size"] = np.where(wheels["wall"] > 0.0, wheels["wall"], 1.0)
         wheels["own"] = np.arange(1, len(tree) + 1) == self.noisy_wheel
         parents = [int(wheel.parent) - 1 for wheel in tree]
         wheels["parent"] = parents
