@@ -386,6 +386,13 @@ class Scene:
         return first, second
 
     @property
+    def is_gears(self) -> bool:
+        """Whether it is loose gears: every body has two walls and no spring, and the noise is that
+        of the drive."""
+        free = not any(wheel.one_sided or wheel.stiffness for wheel in self.tree)
+        return free and not self.noisy_wheel
+
+    @property
     def wheel_names(self) -> tuple[str, ...]:
         """What a person calls each loose wheel: its name, or its number.
 
