@@ -56,8 +56,8 @@ WHEEL_NAME = re.compile(r"[^\W\d_][\w-]{0,23}")
 @suggesting
 @dataclass(frozen=True, kw_only=True)
 class Wheel:
-    """A loose wheel of a gearbox and its mesh with its parent (docs/model.md section 2,
-    dimensionless).
+    """A loose wheel of a gearbox and its mesh with its parent, or any other body and its contact
+    (docs/model.md section 2, dimensionless).
 
     Parameters
     ----------
@@ -100,8 +100,8 @@ class Wheel:
     1.0
     """
 
-    beta: float
-    gamma: float
+    beta: float = 0.0
+    gamma: float = 0.0
     gap: float = 0.5
     mass: float = 1.0
     parent: int | str = 0

@@ -64,7 +64,7 @@ SHORT = {
 """Fields of one or two wheels in a row, and what they are in a scene of `Wheel`, which has no use
 for them."""
 PLAIN_WHEEL = Wheel(beta=0.0, gamma=0.0)
-TABLES = ("gears", "wheel", "scene", "drive")
+TABLES = ("gears", "wheel", "body", "scene", "drive")
 """Tables of a scene file."""
 FREE_FIELDS = ("sigma", "tolerance", "start", "stages", "drive", "correlation_time", "noise")
 """Fields of a scene that gears do not fix."""
@@ -767,7 +767,8 @@ class Scene:
         -------
         dict
             With a table ``scene``, ``gears`` in the gear form and the list ``wheel`` where it has
-            any number of wheels, and ``drive`` where it is not the sine alone.
+            any number of wheels, ``body`` where it is no gears, and ``drive`` where it is not the
+            sine alone.
         """
         values = {
             f.name: getattr(self, f.name) for f in fields(self) if f.name not in ("gears", "drive")
@@ -794,7 +795,8 @@ class Scene:
             del values["noise"]
         drive = {} if self.drive == SINE_ALONE else {"drive": [asdict(one) for one in self.drive]}
         if self.gears is None:
-            return drive | {"scene": values}
+            bodies = {} if self.is_gears else {"body": values.pop("wheels")}
+            return drive | {"scene": values} | bodies
         gears = self.gears.values
         wheels = [as_table(wheel) for wheel in gears.pop("wheels", ())]
         return (
@@ -811,8 +813,8 @@ class Scene:
         Parameters
         ----------
         data : dict
-            Tables ``scene`` and, in the gear form, ``gears``, and the lists ``wheel`` and
-            ``drive``; ``rattle.scene.gears_input`` says what these may hold.
+            Tables ``scene`` and, in the gear form, ``gears``, and the lists ``wheel``, ``body``
+            and ``drive``; ``rattle.scene.gears_input`` says what these may hold.
 
         Returns
         -------
@@ -838,8 +840,15 @@ class Scene:
                 table = _table(f"scene.{name}", settings[name])
                 errors.check_keys(f"scene.{name}", table, (f.name for f in fields(kind)))
                 settings[name] = kind(**table)
+        if "body" in data:
+            if "gears" in data or "wheels" in settings:
+                why = "stands in place of [gears] and [[scene.wheels]]; leave out one of them"
+                raise InputError("body", data["body"], why)
+            settings.setdefault("alpha", 0.0)
+            settings["wheels"] = data["body"]
         if "wheels" in settings:
-            settings["wheels"] = [_read_wheel(table) for table in settings["wheels"]]
+            table = "body" if "body" in data else "scene.wheels"
+            settings["wheels"] = _read_wheels(table, settings["wheels"])
         if "gears" in data:
             table = gears_input.own_amplitude(_table("gears", data["gears"]), data.get("drive"))
             errors.check_keys("scene", settings, FREE_FIELDS)
@@ -889,8 +898,8 @@ class Scene:
         ----------
         text : str
             With a ``[scene]`` table; or ``[gears]``, and ``[scene]`` with the fields that gears do
-            not fix.  Each of more than two loose wheels is a table ``[[wheel]]``, and each order of
-            the drive a table ``[[drive]]``.
+            not fix.  Each of more than two loose wheels is a table ``[[wheel]]``, each body that is
+            no gear wheel a table ``[[body]]``, and each order of the drive a table ``[[drive]]``.
 
         Returns
         -------
@@ -957,11 +966,16 @@ def _as_table(wheel: Wheel) -> dict[str, Any]:
     return {name: value for name, value in asdict(wheel).items() if value != defaults[name]}
 
 
-def _read_wheel(data: object) -> Wheel:
-    """A wheel from plain data."""
-    table = _table("scene.wheels", data)
-    errors.check_keys("scene.wheels", table, (f.name for f in fields(Wheel)))
-    return Wheel(**table)
+def _read_wheels(name: str, tables: object) -> list[Wheel]:
+    """Wheels or bodies from a list of their tables."""
+    if not isinstance(tables, Sequence) or isinstance(tables, str):
+        raise InputError(name, tables, f"write each as a table: [[{name}]]")
+    wheels = []
+    for data in tables:
+        table = _table(name, data)
+        errors.check_keys(name, table, (f.name for f in fields(Wheel)))
+        wheels.append(Wheel(**table))
+    return wheels
 
 
 def _copy_with(part: Part, **changes: Any) -> Part:
