@@ -847,8 +847,8 @@ class Scene:
             settings.setdefault("alpha", 0.0)
             settings["wheels"] = data["body"]
         if "wheels" in settings:
-            table = "body" if "body" in data else "scene.wheels"
-            settings["wheels"] = _read_wheels(table, settings["wheels"])
+            place = "body" if "body" in data else "scene.wheels"
+            settings["wheels"] = _read_wheels(place, settings["wheels"])
         if "gears" in data:
             table = gears_input.own_amplitude(_table("gears", data["gears"]), data.get("drive"))
             errors.check_keys("scene", settings, FREE_FIELDS)
