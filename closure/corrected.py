@@ -39,7 +39,7 @@ def _fly(
 ) -> tuple[Floats, Floats]:
     """Covariance a time t after an impact, from that before it; and the sds of its terms, for
     rounding."""
-    j = product(jacobian(c, t), contact_matrix(c, mesh))
+    j = product(jacobian(c, t), contact_matrix(c, mesh, 0.0))
     noise = noise_covariance(c, tau, t)
     terms = np.column_stack(
         [np.sqrt(np.diagonal(noise)), np.abs(j) * np.sqrt(np.abs(np.diagonal(covariance)))]

@@ -7,9 +7,13 @@ from typing import Any, ClassVar
 from rattle.closure import branching, corrected, published, saltation
 from rattle.closure.branching import RESOLUTIONS
 from rattle.closure.closure import Closure, OwnError, describe_error, import_closure, name_of
-from rattle.closure.moments import COMPONENT_MICROSECONDS, Trace, cost_factor
+from rattle.closure.moments import (
+    COMPONENT_MICROSECONDS,
+    Trace,
+    cost_factor,
+)
 from rattle.closure.result import MeanMap
-from rattle.scene import InputError, Scene, check_scene, choice, count, positive
+from rattle.scene import InputError, Scene, check_each_impact, check_scene, choice, count, positive
 from rattle.scene.numpy_errors import numpy_defaults
 
 
@@ -82,6 +86,7 @@ _TABLE = (
     BuiltIn(
         "saltation",
         saltation.trace,
+        applies=check_each_impact,
         color="#009E73",
         marker="^",
         limit="second order",

@@ -255,8 +255,8 @@ def kurtosis(found: Trace) -> Floats:
 def check_row(name: str, scene: Scene) -> None:
     """Refuse a scene other than the paper's, for a closure that is the paper's: one or two wheels
     in a row."""
-    if not scene.is_gears:
-        why = "is the paper's closure, for gears whose drive is noisy; use saltation or branching"
+    if not scene.is_gears or any(wheel.restitution for wheel in scene.tree):
+        why = "is the paper's closure, for gears of a constant restitution with a noisy drive"
         raise InputError("scene", scene.wheel_names, f"{name} {why}")
     meshes = [(wheel.parent, wheel.ratio) for wheel in scene.tree]
     if meshes not in ([(0, 1.0)], [(0, 1.0), (1, 1.0)]):

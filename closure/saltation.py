@@ -24,7 +24,14 @@ from rattle.closure.section_map import (
 )
 from rattle.scene import Constants, Floats, Ints, Scene, memory
 from rattle.scene.flight import field, jacobian, noise_covariance, noise_rate
-from rattle.scene.impact import contact_matrix, slowest_impact
+from rattle.scene.impact import (
+    add_scatter,
+    contact_matrix,
+    falloff,
+    rebound_axis,
+    rebound_bend,
+    slowest_impact,
+)
 from rattle.scene.linear_algebra import image, product, totals, transform
 from rattle.scene.long_orbit import struck_speeds
 from rattle.scene.moments import SMALLEST_DIVISOR, semidefinite
@@ -122,7 +129,9 @@ def propagate(
     third = np.zeros((d, d, d))
     speed = struck_speeds(mesh[1 : found + 1], before[1 : found + 1])
     found = int(np.append(np.abs(speed) < slowest_impact(c, before[0]), True).argmax())
-    hits = {m: contact_matrix(c, m, d, 1) for m in range(1, c.wheels.size + 1)}
+    hits = [np.eye(d)]
+    for m, w in zip(mesh[1 : found + 1].tolist(), speed.tolist(), strict=False):
+        hits.append(contact_matrix(c, m, w, d, 1))
     for low in range(0, found, IMPACTS_AT_ONCE):
         high = min(low + IMPACTS_AT_ONCE, found)
         ends = slice(low, high + 1)
@@ -135,7 +144,10 @@ def propagate(
         added = transform(first[:, :, d:], q)
         for k, flown, noise in zip(range(low + 1, high + 1), linear, added, strict=True):
             section[k] = transform(flown, covariance[k - 1]) + noise
-            covariance[k] = transform(hits[mesh[k]], section[k])
+            covariance[k] = transform(hits[k], section[k])
+            struck = 2 * mesh[k]
+            w = before[k, struck - 1]
+            add_scatter(c, mesh[k], w, section[k, struck, struck], covariance[k])
             if redrawn.size:
                 flank = column(c.wheels.size, mesh[k], -side[k])
                 covariance[k, flank] = covariance[k, :, flank] = 0.0
@@ -165,8 +177,9 @@ def propagate(
             shift[k, places] = moved[:plain]
             shift[k, 1] = moved[0] - last
             cubes[n] = third[quantities, quantities, quantities]
-            moved = image(hits[mesh[k]], moved)
-            third = map_cumulants(hits[mesh[k]], third, np.zeros_like(third))
+            bend, produced = rebound_cumulants(c, mesh[k], before[k], hits[k], section[k])
+            moved = image(hits[k], moved) + bend
+            third = map_cumulants(hits[k], third, produced)
             if redrawn.size:
                 flank = column(c.wheels.size, mesh[k], -side[k])
                 moved[flank] = 0.0
@@ -176,6 +189,30 @@ def propagate(
         found_cubes = np.column_stack([cubes[:, 0], flight, cubes[:, 1:]])
         np.divide(found_cubes, cube, out=skew[part], where=cube > SMALLEST_DIVISOR)
     return found, shift, sd, skew, section, covariance
+
+
+def rebound_cumulants(
+    c: Constants, mesh: int, before: Floats, hit: Floats, section: Floats
+) -> tuple[Floats, Floats]:
+    """Mean shift and third cumulants that a restitution makes which depends on the speed or is
+    random.
+
+    ``s+ = ... + epsilon(w) w axis``, w the impact speed; its covariance with what the linear map
+    makes of the state is `along`.  Shapes: `hit`, `section` (d, d); result (d,) and (d, d, d).
+    """
+    d = len(hit)
+    wheel = c.wheels[mesh - 1]
+    if wheel.slowing == 0.0 and wheel.variance == 0.0:
+        return np.zeros(d), np.zeros((d, d, d))
+    w = before[2 * mesh - 1]
+    axis = rebound_axis(c, mesh, d)
+    along = image(hit, section[2 * mesh])
+    bend = rebound_bend(c, mesh, w) * axis
+    left = falloff(c, mesh - 1, w)
+    scattered = 2.0 * wheel.variance * left * left * w * np.multiply.outer(axis, axis)
+    produced = _over_pairs(np.multiply.outer(along, along)[None], bend[None])
+    produced = produced + _over_pairs(scattered[None], along[None])
+    return 0.5 * section[2 * mesh, 2 * mesh] * bend, produced[0]
 
 
 def trace(scene: Scene, impacts: int, order: int) -> Trace:

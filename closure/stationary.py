@@ -69,7 +69,7 @@ def _cycle_map(scene: Scene, a: Attractor) -> tuple[Floats, Floats, Floats, Floa
     covariances = np.array([noise_covariance(c, tau, t) for tau, t in flights])
     noise = transform(first[:, :, size:], covariances)
     flown = first[:, :, :size]
-    hit = np.array([contact_matrix(c, mesh, size, 1) for mesh in a.mesh[1:]])
+    hit = np.array([contact_matrix(c, mesh, 0.0, size, 1) for mesh in a.mesh[1:]])
     whole = np.eye(size)
     added = np.zeros((size, size))
     for f, q, h in zip(flown, noise, hit, strict=True):

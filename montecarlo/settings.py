@@ -26,6 +26,7 @@ from rattle.scene import (
     InputError,
     Ints,
     Scene,
+    check_each_impact,
     check_scene,
     choice,
     count,
@@ -139,10 +140,10 @@ class Sampling:
 
 
 def is_random(scene: Scene) -> bool:
-    """Whether one path differs from another: noise, or a random tolerance."""
-    return scene.sigma > 0.0 or (
-        scene.tolerance is not None and scene.tolerance.distribution != "fixed"
-    )
+    """Whether one path differs from another: noise, or a random tolerance or restitution."""
+    tolerance = scene.tolerance
+    gaps_vary = tolerance is not None and tolerance.distribution != "fixed"
+    return scene.sigma > 0.0 or gaps_vary or any(wheel.law.sd for wheel in scene.tree)
 
 
 def count_followed(scene: Scene, paths: int) -> int:
@@ -209,6 +210,8 @@ def plan_of(
         raise InputError(
             "sampling.control", True, "is for white noise only; correlation_time is not 0"
         )
+    if record.energy:
+        check_each_impact(scene)
     two_point = (
         choice("sampling.increments", sampling.increments, ("gaussian", "two-point")) == "two-point"
     )

@@ -15,10 +15,12 @@ from rattle.scene.errors import positive as positive
 from rattle.scene.gears import DAT21 as DAT21
 from rattle.scene.gears import Gears as Gears
 from rattle.scene.parts import Order as Order
+from rattle.scene.parts import Restitution as Restitution
 from rattle.scene.parts import Start as Start
 from rattle.scene.parts import Tolerance as Tolerance
 from rattle.scene.parts import Wheel as Wheel
 from rattle.scene.scene import Scene as Scene
+from rattle.scene.scene import check_each_impact as check_each_impact
 from rattle.scene.scene import check_scene as check_scene
 from rattle.scene.text import as_html as as_html
 from rattle.scene.text import duration_text as duration_text

@@ -6,9 +6,10 @@ from typing import TypeVar
 
 import numpy as np
 
-from rattle.scene.compiled import internal, jit, lean
+from rattle.scene.compiled import inline, internal, jit, lean
 from rattle.scene.drive import acceleration, most_acceleration, most_jerk, most_velocity
 from rattle.scene.flight import displace, wheel_speeds
+from rattle.scene.linear_algebra import add_outer
 from rattle.scene.types import Constants, Floats, Ints
 
 Number = TypeVar("Number", float, Floats)
@@ -26,11 +27,24 @@ MISSES = {
 # time step off a wall that is touched at zero speed; the displacement in it is below rounding
 TOUCH_STEP = 1e-9
 SPRING_SHARE = 0.25  # of the fastest rate of a wheel with a spring, over which bounds are taken
+FALLING_POWER = 0.25  # of the restitution of fast impacts over their speed
 MOST_SEARCH_STEPS = 1_000_000  # of the search for one impact; DAT21 takes about ten
 # most times that a step is enlarged, each time by 8: the first step may be as short as 1e-80
 SOON = 100
 # slowest impact that is no graze, over the largest of excitation, drag and initial speeds
 GRAZE = 1e-6
+
+
+@inline
+def falloff(c: Constants, i: int, speed: float) -> float:
+    """What is left of the restitution of slow impacts at a speed: ``(1 + |w| / speed)^(-1/4)``.
+
+    The power law of a plastic contact (Johnson 1985, section 11.5), which is 1 for slow impacts.
+    """
+    slowing = c.wheels[i].slowing
+    if slowing == 0.0:
+        return 1.0
+    return math.pow(1.0 + slowing * abs(speed), -FALLING_POWER)
 
 
 @lean
@@ -42,10 +56,17 @@ def strike(c: Constants, mesh: int, s: Floats) -> None:
 
     Shapes: `s` (2 wheels,).
     """
+    rebound(c, mesh, c.wheels[mesh - 1].epsilon, s)
+
+
+@inline
+def rebound(c: Constants, mesh: int, epsilon: float, s: Floats) -> None:
+    """`strike` for a given restitution of slow impacts."""
     i = mesh - 1
     wheel = c.wheels[i]
     rate = s[2 * i + 1]
-    change = -(1.0 + wheel.epsilon) * rate
+    epsilon *= falloff(c, i, rate)
+    change = -(1.0 + epsilon) * rate
     # of the deviations of the wheel's and of its parent's speed
     own = wheel.sign * (1.0 - wheel.share) * change
     others = wheel.share * change / wheel.ratio
@@ -54,7 +75,7 @@ def strike(c: Constants, mesh: int, s: Floats) -> None:
         moved = own if other.parent == i else (others if other.parent == wheel.parent else 0.0)
         by_parent = other.ratio * moved if other.parent >= 0 else 0.0
         s[2 * j + 1] += other.sign * others if j == wheel.parent else by_parent
-    s[2 * i + 1] = -wheel.epsilon * rate
+    s[2 * i + 1] = -epsilon * rate
 
 
 def slowest_impact(c: Constants, state: Floats) -> float:
@@ -69,12 +90,15 @@ def energy_loss(c: Constants, mesh: int, y: Number) -> Number:
     """Kinetic energy lost in an impact at a mesh at a rate, in units of ``I1 / R1^2 (nu1
     omega)^2``, I1 / R1^2 the mass of wheel 1.
 
-    ``(1 - eps^2) y^2 / 2`` times the reduced mass of the wheel and its parent; the driver's motion
-    is prescribed.
+    ``(1 - eps^2) y^2 / 2`` times the reduced mass of the wheel and its parent, of a random
+    restitution the mean; the driver's motion is prescribed.
     """
     wheel = c.wheels[mesh - 1]
     reduced = wheel.mass * (1.0 - wheel.share)
-    loss: Number = 0.5 * (1.0 - wheel.epsilon * wheel.epsilon) * reduced * y * y
+    square = wheel.epsilon * wheel.epsilon + wheel.variance
+    if wheel.slowing > 0.0:
+        square = square * (1.0 + wheel.slowing * abs(y)) ** (-2.0 * FALLING_POWER)
+    loss: Number = 0.5 * (1.0 - square) * reduced * y * y
     return loss
 
 
@@ -297,18 +321,69 @@ def next_impact(
 
 
 @internal
-def contact_matrix(c: Constants, mesh: int, size: int = 0, at: int = 0) -> Floats:
-    """The restitution map as a matrix on the state, or on more with the state from place `at` on;
-    the identity for mesh 0.
+def _unit_rebound(c: Constants, mesh: int, epsilon: float) -> Floats:
+    """State after an impact of unit rate with a given restitution at that speed."""
+    unit = np.zeros(2 * c.wheels.size)
+    unit[2 * mesh - 1] = 1.0
+    rebound(c, mesh, epsilon / falloff(c, mesh - 1, 1.0), unit)
+    return unit
+
+
+@internal
+def contact_matrix(c: Constants, mesh: int, speed: float, size: int = 0, at: int = 0) -> Floats:
+    """Derivative of the restitution map on the state at an impact speed, or on more with the state
+    from place `at` on; the identity for mesh 0.
 
     Shapes: result (size, size), by default (2 wheels, 2 wheels).
     """
     states = 2 * c.wheels.size
     r = np.eye(max(size, states))
     if mesh > 0:
-        unit = np.zeros(states)
-        unit[2 * mesh - 1] = 1.0
-        strike(c, mesh, unit)
+        wheel = c.wheels[mesh - 1]
+        fast = wheel.slowing * abs(speed)
+        # derivative of epsilon(w) w
+        slope = falloff(c, mesh - 1, speed) * (1.0 - FALLING_POWER * fast / (1.0 + fast))
+        unit = _unit_rebound(c, mesh, wheel.epsilon * slope)
         for i in range(states):
             r[at + i, at + 2 * mesh - 1] = unit[i]
     return r
+
+
+@internal
+def rebound_axis(c: Constants, mesh: int, size: int) -> Floats:
+    """Derivative of the section state after an impact by ``epsilon(w) w``.
+
+    Shapes: result (size,), 0 from the state on.
+    """
+    elastic = _unit_rebound(c, mesh, 1.0)
+    plastic = _unit_rebound(c, mesh, 0.0)
+    axis = np.zeros(size)
+    for i in range(elastic.size):
+        axis[1 + i] = elastic[i] - plastic[i]
+    return axis
+
+
+@internal
+def rebound_bend(c: Constants, mesh: int, speed: float) -> float:
+    """Second derivative of ``epsilon(w) w`` at an impact speed."""
+    wheel = c.wheels[mesh - 1]
+    fast = wheel.slowing * abs(speed)
+    falls = math.pow(1.0 + fast, -FALLING_POWER - 2.0)
+    size = FALLING_POWER * (2.0 + (1.0 - FALLING_POWER) * fast) * falls
+    return -math.copysign(wheel.epsilon * wheel.slowing * size, speed)
+
+
+@internal
+def add_scatter(c: Constants, mesh: int, speed: float, spread: float, covariance: Floats) -> None:
+    """Add to the covariance of a section state what a random restitution adds at an impact, in
+    place.
+
+    `spread`: Variance of the impact speed.
+    """
+    wheel = c.wheels[mesh - 1]
+    if wheel.variance == 0.0:
+        return
+    axis = rebound_axis(c, mesh, covariance.shape[0])
+    left = falloff(c, mesh - 1, speed)
+    square = wheel.variance * left * left * (speed * speed + spread)
+    add_outer(covariance, square, axis, axis)

@@ -4,8 +4,11 @@ paths."""
 import math
 import re
 from collections.abc import Sequence, Sized
+from copy import copy
 from dataclasses import dataclass, fields, replace
-from typing import Any
+from functools import cached_property
+from statistics import NormalDist
+from typing import Any, NamedTuple
 
 from rattle.scene.errors import (
     InputError,
@@ -42,6 +45,7 @@ LARGEST_SPEED = 1e6
 LARGEST_TIME = 1e12
 
 
+WIDEST = 3.0  # sds from its mean at which a random restitution is cut by default
 LARGEST_BETA = 1e4
 LARGEST_STIFFNESS = 1e8  # the square of the largest beta
 LARGEST_RATE = 1e6  # of excitation, drag and noise
@@ -51,6 +55,100 @@ DRIVERS_NAME = "driver"
 """What wheels may call the driver, which has the number 0."""
 # as a part of a name of a value (wheel.third.torque) and in the label of a column
 WHEEL_NAME = re.compile(r"[^\W\d_][\w-]{0,23}")
+
+
+@suggesting
+@dataclass(frozen=True, kw_only=True)
+class Restitution:
+    """How the restitution of a contact departs from its `epsilon` (docs/model.md section 3,
+    dimensionless).
+
+    ``epsilon(w) = e (1 + |w| / speed)^(-1/4)`` at the impact speed w: that of slow impacts, and the
+    power law of a plastic contact for fast ones (Johnson, Contact Mechanics, 1985, section 11.5).
+    e is `epsilon`, or random: normal with mean `epsilon`, cut at `least` and `most`.
+
+    Parameters
+    ----------
+    sd : float
+        Standard deviation of e before it is cut, 0 to 1.
+    least, most : float, optional
+        Where its distribution is cut, 0 to 1; by default 3 sds from `epsilon`, and not beyond 0
+        and 1.
+    draw : {"contact", "path"}
+        Whether each impact draws, or each path once for all of its impacts.
+    speed : float, optional
+        Impact speed at which restitution is 16 % below that of slow impacts, 1e-9 to 1e6; left
+        out, it does not depend on speed.
+
+    Raises
+    ------
+    InputError
+        If a value is not in its range, or a name is unknown.
+
+    Examples
+    --------
+    >>> Restitution(sd=0.02, least=0.84, most=1.0).draw
+    'contact'
+    """
+
+    sd: float = 0.0
+    least: float | None = None
+    most: float | None = None
+    draw: str = "contact"
+    speed: float | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("sd", "least", "most", "speed"):
+            value = getattr(self, name)
+            if value is not None:
+                object.__setattr__(self, name, finite(f"restitution.{name}", value))
+            if value is not None and name != "speed":
+                unit_interval(f"restitution.{name}", value)
+        choice("restitution.draw", self.draw, DRAWS)
+        if self.speed is not None:
+            speed = positive("restitution.speed", self.speed)
+            check_range("restitution.speed", speed, *GAPS, zero=False)
+
+    def scaled(self, factor: float) -> "Restitution":
+        """The same in another unit of length: old unit over the new one."""
+        changed = copy(self)
+        object.__setattr__(changed, "speed", self.speed and factor * self.speed)
+        return changed
+
+    def of(self, epsilon: float) -> "RestitutionLaw":
+        """The law of a contact with a given `epsilon`."""
+        least = max(epsilon - WIDEST * self.sd, 0.0) if self.least is None else self.least
+        most = min(epsilon + WIDEST * self.sd, 1.0) if self.most is None else self.most
+        if self.sd and not least < most:
+            why = f"must be below most = {most}, and the part between them holds epsilon"
+            raise InputError("restitution.least", least, why)
+        if self.sd and not least <= epsilon <= most:
+            why = f"epsilon = {epsilon} must lie between least = {least} and most = {most}"
+            raise InputError("restitution", (least, most), why)
+        slowing = 0.0 if self.speed is None else 1.0 / self.speed
+        return RestitutionLaw(epsilon, self.sd, (least, most), self.draw, slowing)
+
+
+class RestitutionLaw(NamedTuple):
+    """A restitution as the model has it; `Restitution` says what its parts are."""
+
+    value: float  # of slow impacts, before the distribution is cut
+    sd: float
+    ends: tuple[float, float]
+    draw: str
+    slowing: float  # 1 over its speed; 0 if it does not depend on that
+
+    @property
+    def moments(self) -> tuple[float, float]:
+        """Mean and variance of the restitution of slow impacts: a normal, cut at both ends."""
+        if self.sd == 0.0:
+            return self.value, 0.0
+        unit = NormalDist()
+        low, high = ((end - self.value) / self.sd for end in self.ends)
+        inside = unit.cdf(high) - unit.cdf(low)
+        shift = (unit.pdf(low) - unit.pdf(high)) / inside
+        spread = 1.0 + (low * unit.pdf(low) - high * unit.pdf(high)) / inside - shift * shift
+        return self.value + self.sd * shift, self.sd * self.sd * spread
 
 
 @suggesting
@@ -82,6 +180,8 @@ class Wheel:
     one_sided : bool
         Whether there is one wall only, at ``+gap``: that of a ball above its floor.  Drag pulls
         towards it.
+    restitution : Restitution, optional
+        How its restitution departs from `epsilon`: random, or falling with the impact speed.
     tolerance : float
         Largest deviation of its half gap, below `gap`; how it is drawn is in the scene's
         `Tolerance`.
@@ -111,6 +211,7 @@ class Wheel:
     name: str = ""
     stiffness: float = 0.0
     one_sided: bool = False
+    restitution: Restitution | None = None
 
     def __post_init__(self) -> None:
         for name in ("beta", "gamma", "gap", "mass", "ratio", "tolerance", "stiffness"):
@@ -139,6 +240,21 @@ class Wheel:
         if self.epsilon is not None:
             object.__setattr__(self, "epsilon", finite("wheel.epsilon", self.epsilon))
             unit_interval("wheel.epsilon", self.epsilon)
+
+        if not isinstance(self.restitution, Restitution | None):
+            raise InputError("wheel.restitution", self.restitution, "give a Restitution")
+
+    @cached_property
+    def law(self) -> RestitutionLaw:
+        """Its law of restitution, of a wheel that has an `epsilon`; refuses one that does not fit
+        it."""
+        return (self.restitution or Restitution()).of(self.epsilon or 0.0)
+
+    @property
+    def with_mean_restitution(self) -> "Wheel":
+        """The same with the mean of its restitution wherever that is random."""
+        law = self.restitution and replace(self.restitution, sd=0.0, least=None, most=None)
+        return replace(self, epsilon=self.law.moments[0], restitution=law)
 
     @property
     def low_gap(self) -> float:

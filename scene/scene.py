@@ -23,6 +23,7 @@ from rattle.scene.parts import (
     MEMORY_RANGE,
     SINE_ALONE,
     Order,
+    Restitution,
     Start,
     Tolerance,
     Wheel,
@@ -44,7 +45,7 @@ LARGEST_VALUES = {
     "gamma2": 1e6,
     "sigma": 1e6,
 }
-CACHED = ("tree", "_compiled_wheels")
+CACHED = ("tree", "_compiled_wheels", "law")
 """What a scene computes once and keeps."""
 DRIVE_NOISE = "drive"
 """What the noise acts on by default."""
@@ -195,6 +196,8 @@ class Scene:
         )
         self._check_drive()
         self._check_springs()
+        for wheel in self.tree:
+            _ = wheel.law  # refuses one that does not fit its epsilon
         self._check_noise()
         self._check_tolerance()
         if self.start is None:
@@ -590,7 +593,11 @@ class Scene:
         state["state"] = tuple(factor * value for value in s.state)
         wheels = tuple(
             _copy_with(
-                w, gamma=factor * w.gamma, gap=factor * w.gap, tolerance=factor * w.tolerance
+                w,
+                gamma=factor * w.gamma,
+                gap=factor * w.gap,
+                tolerance=factor * w.tolerance,
+                restitution=w.restitution and w.restitution.scaled(factor),
             )
             for w in self.wheels
         )
@@ -667,11 +674,15 @@ class Scene:
 
     @property
     def noise_free(self) -> "Scene":
-        """The same scene without noise and without random tolerance: the deterministic system."""
+        """The same scene without noise, random tolerance and random restitution: the deterministic
+        system."""
         changes: dict[str, Any] = {"sigma": 0.0}
+        if any(wheel.law.sd for wheel in self.tree):
+            changes["wheels"] = tuple(wheel.with_mean_restitution for wheel in self.tree)
         if self.tolerance is not None and self.tolerance.distribution != "fixed":
             changes["tolerance"] = None
-            changes["wheels"] = tuple(_copy_with(wheel, tolerance=0.0) for wheel in self.wheels)
+            given = changes.get("wheels", self.wheels)
+            changes["wheels"] = tuple(_copy_with(wheel, tolerance=0.0) for wheel in given)
         return _copy_with(self, **changes)
 
     @property
@@ -695,8 +706,11 @@ class Scene:
         fixed = self.tolerance is not None and self.tolerance.distribution == "fixed"
         tree = self.tree
         wheels = np.zeros(len(tree), WHEEL)
-        for name in ("ratio", "beta", "gamma", "stiffness", "epsilon", "mass"):
+        for name in ("ratio", "beta", "gamma", "stiffness", "mass"):
             wheels[name] = [getattr(wheel, name) for wheel in tree]
+        moments = [wheel.law.moments for wheel in tree]
+        wheels["epsilon"], wheels["variance"] = np.transpose(moments)
+        wheels["slowing"] = [wheel.law.slowing for wheel in tree]
         wheels["wall"] = [wheel.gap + fixed * wheel.tolerance for wheel in tree]
         wheels["low"] = [wheel.low_gap + fixed * wheel.tolerance for wheel in tree]
         # a wall in the middle has the unit of length
@@ -955,6 +969,7 @@ def _are_in_a_row(wheels: tuple[Wheel, ...], epsilon: float) -> bool:
         and not w.name
         and not w.one_sided
         and not w.stiffness
+        and w.restitution is None
         for w in wheels
     )
     return plain and parents in ([0], [0, 1])
@@ -963,7 +978,11 @@ def _are_in_a_row(wheels: tuple[Wheel, ...], epsilon: float) -> bool:
 def _as_table(wheel: Wheel) -> dict[str, Any]:
     """A wheel as plain data; what is as by default is left out."""
     defaults = {f.name: f.default for f in fields(Wheel)}
-    return {name: value for name, value in asdict(wheel).items() if value != defaults[name]}
+    table = {name: value for name, value in asdict(wheel).items() if value != defaults[name]}
+    if wheel.restitution is not None:
+        law = asdict(wheel.restitution)
+        table["restitution"] = {name: value for name, value in law.items() if value is not None}
+    return table
 
 
 def _read_wheels(name: str, tables: object) -> list[Wheel]:
@@ -974,6 +993,10 @@ def _read_wheels(name: str, tables: object) -> list[Wheel]:
     for data in tables:
         table = _table(name, data)
         errors.check_keys(name, table, (f.name for f in fields(Wheel)))
+        if "restitution" in table:
+            law = _table(f"{name}.restitution", table["restitution"])
+            errors.check_keys(f"{name}.restitution", law, (f.name for f in fields(Restitution)))
+            table["restitution"] = Restitution(**law)
         wheels.append(Wheel(**table))
     return wheels
 
@@ -998,3 +1021,11 @@ def check_scene(scene: object) -> None:
     """Check that what was given as a scene is one."""
     if not isinstance(scene, Scene):
         raise InputError("scene", scene, "give a Scene")
+
+
+def check_each_impact(scene: Scene) -> None:
+    """Refuse a restitution that differs from path to path, where only the mean over impacts is
+    known."""
+    if any(wheel.law.sd and wheel.law.draw == "path" for wheel in scene.tree):
+        why = "only simulated impacts can have a restitution by path here; give draw = 'contact'"
+        raise InputError("restitution.draw", "path", why)

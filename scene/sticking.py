@@ -322,6 +322,8 @@ def write_bodies(c: Constants, closed: Ints, free: Ints, bodies: Bodies, wheels:
         body.wall = wheel.wall
         body.low = wheel.low
         body.epsilon = wheel.epsilon
+        body.variance = wheel.variance
+        body.slowing = wheel.slowing
     complete_wheels(wheels, c.drive)
 
 

@@ -84,7 +84,7 @@ def saltation_matrix(c: Constants, mesh: int, tau: float, before: Floats) -> Flo
     # R (1 - F- g' / (g' F-)) + F+ g' / (g' F-)
     xi = np.eye(before.size)
     late = land(field(c, tau, before), 2 * (mesh - 1), xi)
-    xi = times(contact_matrix(c, mesh), xi)
+    xi = times(contact_matrix(c, mesh, before[2 * mesh - 1]), xi)
     add_outer(xi, -1.0, field(c, tau, after), late)
     return xi
 

@@ -75,7 +75,9 @@ WHEEL = np.dtype(
             ("wall", np.float64),  # half gap of the deterministic orbit
             ("low", np.float64),  # the same where it has two walls; infinite where it has one
             ("size", np.float64),  # a length that is small beside its motion is small beside this
-            ("epsilon", np.float64),
+            ("epsilon", np.float64),  # of slow impacts, the mean of it where it is random
+            ("variance", np.float64),  # of epsilon, where it is drawn at each impact
+            ("slowing", np.float64),  # 1 over the speed at which restitution begins to fall, or 0
             ("mass", np.float64),  # at its own mesh, in units of that of wheel 1
             ("share", np.float64),  # of the parent, of the change of the rate at an impact
             (

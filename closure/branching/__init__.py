@@ -22,8 +22,14 @@ import numpy as np
 from rattle.closure.branching.advance import Level
 from rattle.closure.branching.fixed_times import FixedTimes
 from rattle.closure.branching.mixture import moments
-from rattle.closure.moments import ERROR_PER_SLOW_SHARE, Trace, bounds, check_white, within
-from rattle.scene import Floats, InputError, Scene
+from rattle.closure.moments import (
+    ERROR_PER_SLOW_SHARE,
+    Trace,
+    bounds,
+    check_white,
+    within,
+)
+from rattle.scene import Floats, InputError, Scene, check_each_impact
 from rattle.scene.orbit import follow
 from rattle.scene.types import MOST_WHEELS
 
@@ -47,6 +53,7 @@ def check(scene: Scene) -> None:
         why = f"branching follows at most {MOST_WHEELS_FOLLOWED} wheels; use saltation, or simulate"
         raise InputError("wheels", wheels, why)
     check_white(scene)
+    check_each_impact(scene)
 
 
 def trace(scene: Scene, impacts: int, order: int, tolerance: float | None = None) -> Trace:
@@ -62,7 +69,7 @@ def trace(scene: Scene, impacts: int, order: int, tolerance: float | None = None
     own errors.
     """
     wheels = scene.constants.wheels
-    unit = 2.0 ** math.frexp(wheels[0].wall)[1]
+    unit = 2.0 ** math.frexp(wheels[0].size)[1]
     scaled = scene.scaled(1.0 / unit)
     found = _refine(scaled, impacts, order, tolerance)
     lengths = np.append([1.0, 1.0], np.full(2 * wheels.size, unit))

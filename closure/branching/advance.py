@@ -23,7 +23,7 @@ from rattle.scene import Constants, Floats, Ints, Scene
 from rattle.scene import linear_algebra as linalg
 from rattle.scene.compiled import internal, jit, splice
 from rattle.scene.flight import jacobian, noise_covariance, noise_rate
-from rattle.scene.impact import contact_matrix
+from rattle.scene.impact import add_scatter, contact_matrix, strike
 from rattle.scene.orbit import Orbit
 from rattle.scene.types import MOST_WHEELS
 
@@ -381,7 +381,8 @@ def _strike(
         if code == 0:
             discarded += w
             continue
-        hit = contact_matrix(c, abs(code), means.shape[1], 1)
+        speed = means[i, 2 * abs(code)]
+        hit = contact_matrix(c, abs(code), speed, means.shape[1], 1)
         section.weight[kept] = w
         section.label[kept] = code
         linalg.put_row(flight[kept], flight[i])
@@ -390,7 +391,12 @@ def _strike(
         mean = after.mean[kept]
         spread = after.covariance[kept]
         linalg.put_row(mean, linalg.apply(hit, means[i]))
+        if c.wheels[abs(code) - 1].slowing > 0.0:
+            linalg.put_row(mean, means[i])
+            strike(c, abs(code), mean[1 : plain_size(c)])
         linalg.put(spread, linalg.congruence(hit, spreads[i]))
+        place = 2 * abs(code)
+        add_scatter(c, abs(code), speed, spreads[i, place, place], spread)
         if redrawn.size > 0:
             flank = column(c.wheels.size, abs(code), -code)
             mean[flank] = 0.0

@@ -80,6 +80,8 @@ def laws(
     law_by_closure: dict[str, Law | str] = {}
     for closure in closures:
         try:
+            if any(wheel.restitution for wheel in scene.tree):
+                raise NotPredicted("the restitution is random or depends on the impact speed")
             if closure == "saltation":
                 law_by_closure[closure] = linear_law(scene, a or attractor(scene))
             elif closure == "branching":

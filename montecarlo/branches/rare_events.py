@@ -22,7 +22,7 @@ from rattle.montecarlo.schemes.step_state import MOST_TERMS
 from rattle.scene import Constants, Floats
 from rattle.scene.compiled import jit
 from rattle.scene.flight import flow, jacobian, noise_covariance
-from rattle.scene.impact import next_impact, strike
+from rattle.scene.impact import add_scatter, next_impact, strike
 from rattle.scene.linear_algebra import apply, congruence, put, put_row
 from rattle.scene.orbit import Impacts, empty_legs, fill_impacts, put_impact
 from rattle.scene.tangent import saltation_matrix
@@ -133,7 +133,11 @@ class Gaussian(NamedTuple):
         carry = saltation_matrix(c, mesh, tau, self.mean)
         mean = self.mean.copy()
         strike(c, mesh, mean)
-        return Gaussian(mean, carry @ self.spread @ carry.T, self.noise, carry @ self.cross)
+        spread = carry @ self.spread @ carry.T
+        section = np.zeros((mean.size + 1, mean.size + 1))
+        at = 2 * mesh - 1
+        add_scatter(c, mesh, self.mean[at], self.spread[at, at], section)
+        return Gaussian(mean, spread + section[1:, 1:], self.noise, carry @ self.cross)
 
 
 class SearchedFlight:

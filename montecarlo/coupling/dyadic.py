@@ -93,6 +93,9 @@ def clockwork(scene: Scene, depth: int) -> Clockwork:
             " tolerance"
         )
         raise InputError("tolerance.distribution", scene.tolerance.distribution, why)
+    if any(wheel.law.sd for wheel in scene.tree):
+        why = "a path on a shared Brownian tree needs a restitution that is not random: 0"
+        raise InputError("restitution.sd", max(wheel.law.sd for wheel in scene.tree), why)
     if scene.correlation_time:
         raise InputError(
             "correlation_time",

@@ -14,6 +14,7 @@ from rattle.montecarlo.kernel.mixture import BranchMixture, draw_targets, no_mix
 from rattle.montecarlo.noise.backlash import backlash_of, draw_walls
 from rattle.montecarlo.noise.memory import begin_memory, memory_of
 from rattle.montecarlo.noise.philox import key_of
+from rattle.montecarlo.noise.restitution import restitution_of
 from rattle.montecarlo.schemes.control_variate import LinearPath, no_control
 from rattle.montecarlo.schemes.lanes import Lanes, Room, lanes_of
 from rattle.montecarlo.schemes.step_size import SCHEMES
@@ -153,6 +154,7 @@ def begin_block(plan: Plan, first: int, paths: int) -> tuple[Job, Lanes, Room]:
         plan.two_point,
         plan.control,
         mixture,
+        restitution_of(scene),
         memory_of(scene.correlation_time, plan.dt),
     )
     linear = 2 * (2 * scene.stages + 1)  # of the linearised path and its next step

@@ -11,6 +11,7 @@ from rattle.montecarlo.noise.backlash import Backlash, half_gap
 from rattle.montecarlo.noise.brownian import Noise
 from rattle.montecarlo.noise.memory import Memory, color_noise
 from rattle.montecarlo.noise.philox import Key, Word, fill_normals, fill_signs, fill_words
+from rattle.montecarlo.noise.restitution import RandomRestitution, draw_restitution
 from rattle.montecarlo.schemes import lanes as vector
 from rattle.montecarlo.schemes.control_variate import LinearPath, carry_along
 from rattle.montecarlo.schemes.lanes import Lanes, Room
@@ -27,7 +28,7 @@ from rattle.montecarlo.schemes.step_state import (
 from rattle.montecarlo.schemes.sticking import add_closed, close_only, put_all
 from rattle.scene import Constants, Floats, Ints
 from rattle.scene.compiled import ZERO, lean, splice, widest_vectors
-from rattle.scene.impact import strike
+from rattle.scene.impact import rebound
 
 ENDLESS = 2**62  # impacts of a path that is followed beyond those that are recorded
 FLANK_DRAWS = 4  # half gaps drawn at the start, of two wheels; the draws of the impacts follow
@@ -48,6 +49,7 @@ class Job(NamedTuple):
     two_point: bool  # whether increments are two-point
     control: LinearPath  # carried along beside the finest level; empty for none
     mixture: BranchMixture  # from which paths are drawn, at one level; empty for plain paths
+    restitution: RandomRestitution  # of slow impacts
     memory: Memory = Memory()  # of the noise, for the finest step; not used for white noise
     quiet: Quiet = Quiet()  # what of the motion at closed meshes is not followed
 
@@ -160,7 +162,13 @@ def finish_inside(
             sticking = True
         elif at.code != 0:
             record(job, level, p, at.code, at.tau, lanes, room, scratch, out)
-            strike(job.c, abs(at.code), scratch.state)
+            mesh = abs(at.code)
+            epsilon = job.c.wheels[mesh - 1].epsilon
+            if job.restitution.random:
+                impact = lanes.impacts[p]
+                path = room.path[p]
+                epsilon = draw_restitution(job.restitution, job.key, path, impact, mesh)
+            rebound(job.c, mesh, epsilon, scratch.state)
             at = Progress(0, at.tau, at.left, at.noise)
     for i in range(states):
         lanes.state[i, p] = scratch.state[i]

@@ -32,7 +32,15 @@ from rattle.montecarlo.long_run.walk import Walk
 from rattle.montecarlo.looks import begin_budget, grow
 from rattle.montecarlo.schemes.quiet import quiet_of
 from rattle.montecarlo.settings import check_settings
-from rattle.scene import Floats, InputError, Scene, count, duration_text, positive
+from rattle.scene import (
+    Floats,
+    InputError,
+    Scene,
+    check_each_impact,
+    count,
+    duration_text,
+    positive,
+)
 from rattle.scene.errors import non_negative
 from rattle.scene.progress import ESTIMATES, ProgressBar, do
 
@@ -393,6 +401,7 @@ def check_long_run(
     if accuracy is not None:
         positive("accuracy", accuracy)
     positive("slow", slow)
+    check_each_impact(scene)
     if resolve is not None:
         non_negative("resolve", resolve)
 

@@ -25,8 +25,9 @@ STEP = 0
 CONTACT = 1
 BRIDGE = 2
 MEMORY = 100
+RESTITUTION = 101
 """Purposes, that is, substreams: noise of the steps; half gaps; splits within a step (`BRIDGE` +
-level); noise with a memory at the start."""
+level); noise with a memory at the start; random restitution."""
 
 Word = np.uint64
 LOW = Word(0xFFFFFFFF)
