@@ -40,6 +40,8 @@ SIGMA_POINT_RATIO = 0.1
 # slowest impact at which derivatives are taken, in units of the speed that the Gaussian's spread
 # allows
 SLOWEST_IN_SPREADS = 2.0
+# the same of a wall that stands alone, to which a body comes back: grazes are rarer there
+SLOWEST_ALONE = 1.0
 
 
 @internal
@@ -327,7 +329,8 @@ def _derivatives(
     i = 2 * mesh - 2
     passing = _passing(c, code, centre, axes, t, before)
     pull = field(c, centre[0] + t, before)[i + 1]
-    slowest = SLOWEST_IN_SPREADS * math.sqrt(2.0 * abs(pull) * linalg.norm(passing)) + 1e-9
+    spreads = SLOWEST_IN_SPREADS if c.wheels[mesh - 1].low < math.inf else SLOWEST_ALONE
+    slowest = spreads * math.sqrt(2.0 * abs(pull) * linalg.norm(passing)) + 1e-9
     regular = before.copy()
     regular[i + 1] = side * max(slowest, side * before[i + 1])
     plain = plain_size(c)
