@@ -33,6 +33,7 @@ from rattle.scene import (
     finite,
     positive,
 )
+from rattle.scene.orbit import follow
 
 NOISE_FREE = "noise-free"
 """Name of the itinerary of the noise-free path, by exact flights."""
@@ -47,6 +48,9 @@ MOST_NUMBERS_OF_A_PATH = 70_000
 HORIZON_PER_IMPACT = 50.0
 """Default time after which a path is given up, per impact asked for; flights of DAT21 last about
 0.5."""
+
+LONG_FLIGHTS = 10.0
+"""The same in flights as long as the longest without noise, for bodies that are no gears."""
 
 DEFAULT_STEPS = 10**7
 MOST_STEPS_OF_A_PATH = 10**9
@@ -117,7 +121,8 @@ class Sampling:
         Distribution of the Brownian increments of an Euler-Maruyama step; two-point ones (plus or
         minus the root of the step) have the same weak order 1 and cost one random bit.
     horizon : float, optional
-        Time after the start at which unfinished paths are given up; by default 50 per impact, or 10
+        Time after the start at which unfinished paths are given up; by default 50 per impact
+        (for bodies that are no gears at least 10 of the longest flight without noise), or 10
         million steps.
     blocks : callable, optional
         Who runs the blocks of paths; by default threads of this process.  The result does not
@@ -151,9 +156,13 @@ def count_followed(scene: Scene, paths: int) -> int:
     return paths if is_random(scene) else 1
 
 
-def default_horizon(impacts: int, dt: float) -> float:
+def default_horizon(scene: Scene, impacts: int, dt: float) -> float:
     """Time after which a path is given up where none is given."""
-    return min(HORIZON_PER_IMPACT * impacts, DEFAULT_STEPS * dt)
+    per_impact = HORIZON_PER_IMPACT
+    if not scene.is_gears:
+        flights = follow(scene, impacts).flight
+        per_impact = float(np.nanmax([per_impact, *(LONG_FLIGHTS * flights)]))
+    return min(per_impact * impacts, DEFAULT_STEPS * dt)
 
 
 def most_impacts(scene: Scene) -> int:
@@ -220,7 +229,7 @@ def plan_of(
         raise InputError("sampling.increments", sampling.increments, why)
     levels, coarsest = (LEVELS, COARSEST) if record.step_bias else (1, 1)
     dt = float(dt)
-    horizon = _horizon(sampling.horizon, impacts, dt * coarsest, scheme)
+    horizon = _horizon(sampling.horizon, scene, impacts, dt * coarsest, scheme)
     if not isinstance(record.itineraries, Mapping):
         why = "give a mapping from names to sequences of mesh * side"
         raise InputError("record.itineraries", record.itineraries, why)
@@ -290,10 +299,10 @@ def noise_free_path(plan: Plan, scheme: str, dt: float) -> Floats:
     return np.asarray(np.nan_to_num(sample(start, 0).rows[0, 0]))
 
 
-def _horizon(given: float | None, impacts: int, dt: float, scheme: str) -> float:
+def _horizon(given: float | None, scene: Scene, impacts: int, dt: float, scheme: str) -> float:
     """Time after which a path is given up: as given, if it can be waited for, or the default."""
     if given is None:
-        return default_horizon(impacts, dt)
+        return default_horizon(scene, impacts, dt)
     if positive("sampling.horizon", given) / dt > MOST_STEPS_OF_A_PATH:
         hours = given / dt * BLOCK * SCHEMES[scheme].step_ns * 1e-9 / 3600.0
         longest = MOST_STEPS_OF_A_PATH * dt

@@ -60,8 +60,8 @@ def results(
 ) -> None:
     """Compare this installation with published results.
 
-    They are exits, returns, collapse, bounces, exponents and covariances; each check must also
-    reject its negative controls.
+    They are exits, returns, collapse, bounces, exponents and covariances, and a ball and an
+    oscillator under noise; each check must also reject its negative controls.
 
     Exit codes: 0 all results hold; 1 one does not; 2 bad input.
     """

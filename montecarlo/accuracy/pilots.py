@@ -152,9 +152,8 @@ def _pilot_within(
 
     for _ in range(2):  # overhead of a run besides its paths; the second time its plan is cached
         run, before = time_run(paths=1, sampling=one_step)
-    horizon = default_horizon(
-        run.impacts, run.dt * (COARSEST if settings["record"].step_bias else 1)
-    )
+    longest_step = run.dt * (COARSEST if settings["record"].step_bias else 1)
+    horizon = default_horizon(scene, run.impacts, longest_step)
     early = replace(one_step, horizon=PROBE_SPAN * horizon)
     probe, _ = time_run(paths=count_followed(scene, PROBE_PATHS[0]), sampling=early)
     slow = cost_of(probe, 1).core_seconds / PROBE_SPAN

@@ -341,7 +341,7 @@ def _follow_up(
     exact = not SCHEMES[run.scheme].has_step_bias
     fewest = count_followed(run.scene, FEWEST_PATHS)
     grain = count_followed(run.scene, BLOCK)
-    horizon = default_horizon(run.impacts, run.dt * (1 if exact else COARSEST))
+    horizon = default_horizon(run.scene, run.impacts, run.dt * (1 if exact else COARSEST))
     shortest = horizon / MOST_STEPS_OF_A_PATH
     settings = {
         "scheme": run.scheme,

@@ -286,7 +286,7 @@ ABOVE_CRITICAL = 0.22
 NOISY_BOUNCES = 8
 
 
-def _mean(quantity: str, values: Floats, truth: float) -> Check:
+def check_mean(quantity: str, values: Floats, truth: float) -> Check:
     """Check the mean of independent values."""
     return Check(
         quantity, float(values.mean()), truth, float(values.std()) / math.sqrt(len(values))
@@ -302,9 +302,9 @@ def return_speed(seed: int = 0, workers: int = 2) -> Found:
     def checks(
         mean: float = MEAN, variance: float = LOG_RATIO_VARIANCE, ln: Floats = flights
     ) -> Iterator[Check]:
-        yield _mean("E ln rho", ln, mean)
-        yield _mean("Var ln rho", (ln - ln.mean()) ** 2, variance)
-        yield _mean("P(rho < 1)", (ln < 0.0).astype(float), slower)
+        yield check_mean("E ln rho", ln, mean)
+        yield check_mean("Var ln rho", (ln - ln.mean()) ** 2, variance)
+        yield check_mean("P(rho < 1)", (ln < 0.0).astype(float), slower)
 
     return checks(), {
         "mean 3 % larger": checks(mean=1.03 * MEAN),
@@ -321,7 +321,7 @@ def return_moments(seed: int = 0, workers: int = 2) -> Found:
     def checks(wrong: float = 1.0, shifted: float = 0.0) -> Iterator[Check]:
         for s in RATIO_ORDERS:
             truth = wrong / (2.0 * math.cos(math.pi * (1.0 + s + shifted) / 3.0))
-            yield _mean(f"E rho^{s:g}", np.exp(s * ln), truth)
+            yield check_mean(f"E rho^{s:g}", np.exp(s * ln), truth)
 
     return checks(), {
         "moments 1 % larger": checks(wrong=1.01),

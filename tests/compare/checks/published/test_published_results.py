@@ -3,11 +3,12 @@
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 from commands import rattle
 
 from rattle.compare.checks.check import MOST_FALSE_ALARMS, Check, Subject, run_checks
-from rattle.compare.checks.published import RESULTS, impacts
+from rattle.compare.checks.published import RESULTS, bodies, impacts
 from rattle.montecarlo.statistics.intervals import widest
 from rattle.scene import DAT21, Scene
 
@@ -44,6 +45,33 @@ def test_tolerance_counts_every_statistical_check(results):
     for c in checks:
         assert c.se > 0.0 or c.slack <= 1e-6 * max(1.0, abs(c.truth)), c
         assert c.slack <= 2e-3 * max(abs(c.truth), 1e-2), c
+
+
+BALLS = {  # flight 1, speeds 1 to 4: means and sds
+    (0.8, 3.0): (
+        [6.665031, 3.665031, 3.593258, 3.531660, 3.478757],
+        [3.195996, 1.494183, 1.907721, 2.127491, 2.254239],
+    ),
+    (0.9, 10.0): (
+        [20.666666, 10.666666, 10.266655, 9.906584, 9.582369],
+        [5.374838, 2.624671, 3.493201, 4.033305, 4.398517],
+    ),
+}
+"""Of another quadrature."""
+
+
+@pytest.mark.parametrize(("launched", "truth"), BALLS.items())
+def test_truths_of_the_ball_are_those_of_another_quadrature(launched, truth):
+    exact = bodies.exact_impacts(*launched).section
+    for values, prefix in zip(truth, ("", "sd_"), strict=True):
+        found = [exact[f"{prefix}flight"][0], *exact[f"{prefix}y1"][:4]]
+        assert found == pytest.approx(values, abs=1e-6)
+    restitution, launch = launched
+    square = exact["y1"] ** 2 + exact["sd_y1"] ** 2
+    before = np.append(launch, restitution * exact["y1"][:-1])
+    square_before = np.append(launch**2, restitution**2 * square[:-1])
+    assert exact["y1"] == pytest.approx(exact["flight"] - before, abs=1e-6)
+    assert square == pytest.approx(square_before + exact["flight"], abs=1e-5)
 
 
 def test_unknown_result_is_refused():
