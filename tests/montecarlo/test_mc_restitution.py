@@ -21,6 +21,9 @@ PATHS = 40_000
 ERRORS = 4.2
 
 
+BY_PATH = Restitution(sd=0.1, draw="path")
+
+
 def ball(law, epsilon=MEAN, launch=None):
     """A ball that falls from rest, or leaves its floor at a speed; without noise."""
     start = Start(0.0, state=(-HEIGHT, 0.0)) if launch is None else Start(0.0, 0.0, -launch)
@@ -144,13 +147,13 @@ def test_energy_of_a_random_restitution_balances_in_the_long_run():
         (lambda: Restitution(speed=0.0), "restitution.speed", "0.0", "greater than 0"),
         (lambda: ball(Restitution(sd=0.1, most=0.8)), "restitution", "0.8", "epsilon = 0.9"),
         (
-            lambda: mean_map(ball(Restitution(sd=0.1, draw="path")), impacts=2, closure="saltation"),
+            lambda: mean_map(ball(BY_PATH), impacts=2, closure="saltation"),
             "restitution.draw",
             "path",
             "contact",
         ),
         (
-            lambda: stationary(ball(Restitution(sd=0.1, draw="path")), periods=64),
+            lambda: stationary(ball(BY_PATH), periods=64),
             "restitution.draw",
             "path",
             "contact",
