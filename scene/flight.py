@@ -85,7 +85,7 @@ def fastest_rate(c: Constants) -> float:
     """A bound of the rates at which wheels relax or swing."""
     fastest = 0.0
     for i in range(c.wheels.size):
-        fastest = max(fastest, c.wheels[i].beta + math.sqrt(c.wheels[i].stiffness))
+        fastest = max(fastest, c.wheels[i].fastest)
     return fastest
 
 

@@ -162,7 +162,7 @@ def spring_step(c: Constants, i: int) -> float:
     wheel = c.wheels[i]
     if wheel.stiffness == 0.0:
         return math.inf
-    step: float = SPRING_SHARE / (wheel.beta + math.sqrt(wheel.stiffness))
+    step: float = SPRING_SHARE / wheel.fastest
     return step
 
 

@@ -72,6 +72,7 @@ WHEEL = np.dtype(
             ("beta", np.float64),
             ("gamma", np.float64),
             ("stiffness", np.float64),  # of a spring that holds it at the middle of its gap
+            ("fastest", np.float64),  # bound of the rates at which it relaxes and swings
             ("wall", np.float64),  # half gap of the deterministic orbit
             ("low", np.float64),  # the same where it has two walls; infinite where it has one
             ("size", np.float64),  # a length that is small beside its motion is small beside this

@@ -3,6 +3,7 @@
 A gearbox is a tree of loose wheels behind one driver: every wheel meshes with a parent.
 """
 
+import math
 from typing import Any
 
 import numpy as np
@@ -21,6 +22,7 @@ def complete_wheels(wheels: Wheels, drive: Any) -> None:
     for i in range(wheels.size):
         wheel = wheels[i]
         wheel.drives = 0
+        wheel.fastest = wheel.beta + math.sqrt(wheel.stiffness)
         beta = wheel.beta if wheel.parent < 0 else wheels[wheel.parent].beta
         wheel.modulation = most_modulation(drive, beta)
         wheel.modulation_rate = most_modulation_rate(drive, beta)

@@ -309,6 +309,7 @@ def block_kernel(scheme: Scheme, wheels: int = 0) -> Callable[..., tuple[int, in
         buffers = room.scratch
         scratch = Scratch(
             wheels if wheels > 0 else buffers.wheels,
+            wheels == 0,
             buffers.state,
             buffers.whole,
             buffers.end,

@@ -59,7 +59,7 @@ def margin_of(c: Constants, phase: Phase, h: float, i: int) -> float:
         modulation = driver + h * modulation
     spread = MARGIN_SDS * abs(c.sigma) * h * math.sqrt(h) * SCALE
     force += wheel.stiffness * wheel.size
-    stiff = highest_order(c.drive) + max(beta, wheel.beta) + math.sqrt(wheel.stiffness)
+    stiff = highest_order(c.drive) + max(beta, wheel.fastest)
     square = h * h
     # Hermite error: h^4 / 384 times the 4th derivative
     bend: float = square * square / 96.0 * force * (stiff * stiff)

@@ -73,10 +73,9 @@ def _step_gap(
     else."""
     for p in range(beyond.size):
         rate = y[p]
-        pulled = fma(f.pull, v[p], fma(f.kick, z[p], f.push))
         at = fma(f.h, rate, x[p])
         x[p] = at
-        y[p] = fma(f.keep, rate, pulled)
+        y[p] = fma(f.keep, rate, fma(f.pull, v[p], fma(f.kick, z[p], f.push)))
         out = (at > high[p]) | (-at > low[p]) if f.toleranced else abs(at) > f.wall
         beyond[p] = out | (f.seen & beyond[p])
 
@@ -85,6 +84,7 @@ def _step_gap(
 def plain_lanes(
     c: Constants,
     wheels: int,
+    springs: bool,
     forcing: Floats,
     h: float,
     toleranced: bool,
@@ -98,9 +98,9 @@ def plain_lanes(
     marks those that are beyond a wall at its end.
 
     Children before their parents, whose speeds at the start of the step they need.  `walls` is read
-    only if they are toleranced.  `wheels`: Their number, which a kernel for two knows. Shapes:
-    `walls`, `state` (2 wheels, lanes or more); `speeds` (wheels, lanes or more); `z` (lanes or
-    more,).
+    only if they are toleranced.  `wheels`, `springs`: Their number, and whether springs hold any;
+    a kernel for two wheels knows both.  Shapes: `walls`, `state` (2 wheels, lanes or more);
+    `speeds` (wheels, lanes or more); `z` (lanes or more,).
     """
     widest_vectors()
     fill_speeds(c, state, speeds, beyond.size)
@@ -122,8 +122,10 @@ def plain_lanes(
         y = state[2 * i + 1]
         high = walls[2 * i]
         low = walls[2 * i + 1]
-        if parent < 0:
-            _step_gap(f, x, y, x, z, high, low, beyond)
+        if springs and wheel.stiffness > 0.0:
+            _step_gap(f, x, y, speeds[i], z, high, low, beyond)
+        elif parent < 0:  # coupling is 0, so that any vector does
+            _step_gap(f, x, y, z, z, high, low, beyond)
         elif c.wheels[parent].parent < 0:
             _step_gap(f, x, y, state[2 * parent + 1], z, high, low, beyond)
         else:
@@ -146,6 +148,7 @@ def step_lanes(
     plain_lanes(
         c,
         scratch.wheels,
+        scratch.springs,
         scratch.forcing,
         h,
         toleranced,

@@ -55,6 +55,7 @@ def step_lanes(
     plain_lanes(
         c,
         scratch.wheels,
+        scratch.springs,
         scratch.forcing,
         h,
         True,

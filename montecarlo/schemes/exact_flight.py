@@ -110,9 +110,10 @@ def flight_forcing(c: Constants, tau: float, h: float, scratch: Scratch) -> None
         forcing[i, CARRY] = p.e2
         forcing[i, CARRY + 1] = p.d2
         # k (e_p - e_i) and k (d_p - d_i)
-        forcing[i, CARRY + 2] = wheel.ratio * p.e12
-        forcing[i, CARRY + 3] = wheel.ratio * p.d12
-        if wheel.parent < 0:
+        carried = wheel.ratio if wheel.parent >= 0 else 0.0
+        forcing[i, CARRY + 2] = carried * p.e12
+        forcing[i, CARRY + 3] = carried * p.d12
+        if wheel.stiffness > 0.0:
             own = respond(c, i, h)
             forcing[i, CARRY] = own.e
             forcing[i, CARRY + 1] = own.d
@@ -224,8 +225,10 @@ def step_lanes(
         y0 = before[2 * i + 1]
         high = walls[2 * i]
         low = walls[2 * i + 1]
-        if parent < 0:
-            _fly_gap(f, x, y, x0, y0, x, z, area, high, low, near)
+        if wheel.stiffness > 0.0:
+            _fly_gap(f, x, y, x0, y0, scratch.speeds[i], z, area, high, low, near)
+        elif parent < 0:  # the driver does not deviate, so that any vector does
+            _fly_gap(f, x, y, x0, y0, z, z, area, high, low, near)
         elif c.wheels[parent].parent < 0:
             _fly_gap(f, x, y, x0, y0, state[2 * parent + 1], z, area, high, low, near)
         else:
@@ -441,6 +444,7 @@ def _advance_beside(
     numbers = 2 * count
     part = Scratch(
         count,
+        whole.springs,
         whole.beside[0, :numbers],
         whole.whole,
         whole.beside[1, :numbers],

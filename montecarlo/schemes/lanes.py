@@ -97,6 +97,7 @@ def lanes_of(
         hits=np.empty(lanes + 1, np.int64),
         scratch=Scratch(
             wheels=wheels,
+            springs=True,
             state=np.zeros(states),
             whole=np.zeros(states),
             end=np.zeros(states),
@@ -120,13 +121,16 @@ def lanes_of(
 @lean_internal
 def fill_speeds(c: Constants, state: Floats, speeds: Floats, lanes: int) -> None:
     """Deviations of the speeds of the wheels that stand between other wheels, of all lanes; that of
-    a wheel at the driver is the rate of its gap.
+    a wheel at the driver is the rate of its gap.  Of a wheel that a spring holds, its displacement.
 
     Shapes: `state` (2 wheels, lanes); `speeds` (wheels, lanes).
     """
     for i in range(c.wheels.size):
         wheel = c.wheels[i]
         parent = wheel.parent
+        if wheel.stiffness > 0.0:
+            for p in range(lanes):
+                speeds[i, p] = state[2 * i, p]
         if parent < 0 or not wheel.drives:
             continue
         if c.wheels[parent].parent < 0:

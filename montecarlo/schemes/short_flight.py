@@ -20,7 +20,6 @@ from rattle.scene.drive import (
     phase_of_orders,
     sine_cosine,
 )
-from rattle.scene.flight import fastest_rate
 
 Phase = tuple[float, ...]
 """Sine and cosine of a time; of several orders ``-f''``, ``f'``, ``-f'''`` and the time itself."""
@@ -106,7 +105,9 @@ def _fly(
     end: Floats,
 ) -> Phase:
     """`short_flight` for the drive at hand."""
-    fastest = fastest_rate(c)
+    fastest = 0.0
+    for i in range(c.wheels.size):
+        fastest = max(fastest, c.wheels[i].fastest)
     terms, after = _expand_drive(drive, phase, h, abs(h) * (highest_order(drive) + fastest), series)
     odd_noise = 12.0 * c.sigma * area
     even_noise = c.sigma * increment - 0.5 * odd_noise
@@ -142,7 +143,8 @@ def _fly(
             step = hk * y
             moved += step
             forced = share * (steady + (even * m + odd * before))
-            y = forced + hk * (coupling * carried[k - 1] - beta * y - stiffness * place)
+            others = coupling * carried[k - 1] - stiffness * place
+            y = forced + hk * (others - beta * y)
             place = step
             y_end += y
             before = m

@@ -52,6 +52,7 @@ class Scratch(NamedTuple):
 
     # number of wheels: a constant of kernels for one and two, whose loops it unrolls
     wheels: int
+    springs: bool  # whether a spring may hold one of them; known to be none where wheels are known
     # state, whole, end: present state; that at the end of the whole step, if no wall is met; and
     # that at the end of a part of it; (2 wheels,)
     state: Floats
