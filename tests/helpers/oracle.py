@@ -1,10 +1,12 @@
-"""The dynamics of a gearbox written a second time, for any tree of wheels, with numpy and scipy
-alone.
+"""The dynamics of a gearbox written a second time, for any tree of wheels or other bodies, with
+numpy and scipy alone.
 
 A wheel deviates from its nominal motion by z and v = z', at the radius of its own mesh; the noise
-is all that wheels in flight have in common (f is the motion of the driver)::
+is all that wheels in flight have in common (f is the motion of the driver), or acts on one of them
+alone, as ``sigma eta``; a spring holds a wheel at the driver::
 
-    v' = gamma - beta v + kappa (alpha + sigma eta) (f'' + beta f'),    kappa = k kappa_parent
+    v' = gamma - beta v - stiffness z + kappa (alpha + sigma eta) (f'' + beta f')
+    kappa = k kappa_parent
 
 A mesh is a gap ``x = sign (z - k z_parent)`` with the rate y.  A push in it moves the wheel by its
 mobility (one over its mass at that mesh) and the parent by -k times the parent's mobility.  The
@@ -29,6 +31,9 @@ class Wheel(NamedTuple):
     ratio: float = 1.0
     sign: float = 1.0
     epsilon: float = 0.9
+    stiffness: float = 0.0
+    low: float = math.nan  # the wall on the other side; by default as far as the first
+    noisy: bool = False  # whether the noise acts on it alone
 
 
 class Sine(NamedTuple):
@@ -55,6 +60,8 @@ class Gearbox:
         self.sigma = sigma
         self.drive = drive
         self.gaps = [wheel.gap for wheel in wheels]
+        self.lows = [w.gap if math.isnan(w.low) else w.low for w in wheels]
+        self.springs = np.array([wheel.stiffness for wheel in wheels])
         kappa = [1.0]
         to_gaps = np.zeros((len(wheels), len(wheels)))
         for i, wheel in enumerate(wheels):
@@ -66,6 +73,7 @@ class Gearbox:
         beta = np.array([wheel.beta for wheel in wheels])
         self.damping = to_gaps @ np.diag(beta) @ np.linalg.inv(to_gaps)
         self.drag = to_gaps @ [wheel.gamma for wheel in wheels]
+        self.own = to_gaps @ [float(wheel.noisy) for wheel in wheels]
         self.by_second = to_gaps @ kappa[1:]  # m = by_second f'' + by_first f'
         self.by_first = to_gaps @ (beta * kappa[1:])
         contact = to_gaps @ np.diag([wheel.mobility for wheel in wheels]) @ to_gaps.T
@@ -91,18 +99,20 @@ class Gearbox:
         """Right-hand side of Eq. 5 without noise."""
         out = np.empty(len(state))
         out[::2] = state[1::2]
-        out[1::2] = self.acceleration(tau, np.asarray(state[1::2]))
+        x, y = np.reshape(state, (-1, 2)).T
+        out[1::2] = self.acceleration(tau, y) - self.springs * x
         return out
 
     def drift_matrix(self):
         """A of the linear system s' = A s + ..."""
-        return np.kron(np.eye(len(self.gaps)), [[0.0, 1.0], [0.0, 0.0]]) + np.kron(
-            -self.damping, [[0.0, 0.0], [0.0, 1.0]]
-        )
+        of_rates = np.kron(-self.damping, [[0.0, 0.0], [0.0, 1.0]])
+        of_places = np.kron(np.diag(-self.springs), [[0.0, 0.0], [1.0, 0.0]])
+        return np.kron(np.eye(len(self.gaps)), [[0.0, 1.0], [0.0, 0.0]]) + of_rates + of_places
 
     def noise_direction(self, tau):
         """What a unit of the noise adds to the state."""
-        return np.kron(self.modulation(tau), [0.0, 1.0])
+        acting = self.own if self.own.any() else self.modulation(tau)
+        return np.kron(acting, [0.0, 1.0])
 
     def restitution(self, mesh):
         """The matrix of an impact at a mesh (1, 2, ...; 0 for none), which acts on states."""
@@ -132,12 +142,18 @@ class Gearbox:
     def first_crossing(self, tau, state, horizon, max_step=0.02):
         """(t, mesh, side, state) of the first outward crossing, or None; blind to excursions
         shorter than a step."""
-        walls = [(i, side) for i, gap in enumerate(self.gaps) for side in (1, -1) if gap < math.inf]
+        flanks = {1: self.gaps, -1: self.lows}
+        walls = [
+            (i, side)
+            for i in range(len(self.gaps))
+            for side, distance in flanks.items()
+            if distance[i] < math.inf
+        ]
         events = []
         for i, side in walls:
 
             def beyond(time, s, i=i, side=side):
-                return side * s[2 * i] - self.gaps[i]
+                return side * s[2 * i] - flanks[side][i]
 
             beyond.terminal = True
             beyond.direction = 1.0
@@ -181,7 +197,19 @@ class Gearbox:
 def gearbox(c, drive=SINE):
     """The gearbox of a scene's constants."""
     wheels = [
-        Wheel(w.beta, w.gamma, 1.0 / w.mass, w.wall, w.parent + 1, w.ratio, w.sign, w.epsilon)
+        Wheel(
+            w.beta,
+            w.gamma,
+            1.0 / w.mass,
+            w.wall,
+            w.parent + 1,
+            w.ratio,
+            w.sign,
+            w.epsilon,
+            w.stiffness,
+            w.low,
+            bool(w.own),
+        )
         for w in c.wheels
     ]
     return Gearbox(wheels, c.alpha, c.sigma, drive)

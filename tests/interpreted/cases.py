@@ -28,7 +28,7 @@ from rattle.montecarlo.long_run.walk import Walk
 from rattle.montecarlo.noise.philox import key_of
 from rattle.montecarlo.schemes.euler import step_forcing
 from rattle.montecarlo.settings import plan_of
-from rattle.scene import DAT21, Order, Scene, Start, Tolerance
+from rattle.scene import DAT21, Order, Scene, Start, Tolerance, Wheel
 from rattle.scene.long_orbit import LongOrbit, velocities
 from rattle.scene.orbit import follow
 
@@ -56,6 +56,11 @@ DRIVEN = Scene(
     sigma=2.0,
     start=Start(0.3, 0.5, 2.0, mesh=1),
 )
+HELD = Wheel(beta=0.1, gamma=0.2, gap=0.4, stiffness=2.0, one_sided=True)
+BODY = Scene(
+    alpha=1.2, epsilon=0.8, sigma=0.3, noise=1, wheels=[HELD], start=Start(0.3, -0.05, 0.5)
+)
+"""A spring, one wall, and noise of its own."""
 MEMORY = replace(PAIR, drive=(Order(1), Order(3, 0.2, 0.4)), correlation_time=0.5)
 TREE = TREES["tree of 4"]
 FAR = replace(PAIR, gap1=1e6, gap2=1e6, start=Start(0.0, 0.0, 1.0, 0.0, 1.0))
@@ -66,6 +71,7 @@ SCENES = {
     "undamped": UNDAMPED,
     "sticking": STICKING,
     "driven": DRIVEN,
+    "body": BODY,
     "in flight": replace(PAIR, start=Start(0.2, 0.1, 1.0, 0.2, -1.0)),
 }
 
@@ -179,8 +185,8 @@ UNIFORM = replace(LONE, tolerance=Tolerance(0.04, 0.0))
 NORMAL = replace(PAIR, tolerance=Tolerance(0.04, 0.02, distribution="normal", draw="contact"))
 ORDERS = replace(MEMORY, correlation_time=0.0)
 SAMPLED = {
-    "exact-flight": ("without noise", "sticking", "driven"),
-    "euler-maruyama-located": ("in flight",),
+    "exact-flight": ("without noise", "sticking", "driven", "body"),
+    "euler-maruyama-located": ("in flight", "body"),
     "euler-maruyama": ("two stages", "driven"),
 }
 """Scenes by the scheme that samples them."""
@@ -201,6 +207,7 @@ CASES: dict[str, Callable] = {
     "saltation, order 2": lambda: predicted(PAIR, "saltation", 3, 2),
     "saltation, orders": lambda: predicted(ORDERS, "saltation", 4),
     "saltation, orders and memory": lambda: predicted(MEMORY, "saltation", 4),
+    "saltation, body": lambda: predicted(BODY, "saltation", 4),
     "branching, one stage": lambda: in_few_components(LONE),
     "branching, flanks drawn anew": lambda: in_few_components(
         replace(PAIR, tolerance=Tolerance(0.04, 0.02, draw="contact"))
@@ -219,13 +226,14 @@ CASES: dict[str, Callable] = {
     ),
     "long run, two stages": lambda: long_run_sums(PAIR),
     "long run, one stage": lambda: long_run_sums(LONE),
+    "long run, body": lambda: long_run_sums(BODY),
     "long path, one stage": lambda: on_shared_noise(LONE),
     "long path, without noise": lambda: on_shared_noise(SCENES["without noise"]),
 }
 """The fewest that reach every line that all scenes with all closures and schemes reach."""
 CASES |= {
     f"orbit, {name}": lambda name=name: orbits(SCENES[name])
-    for name in ("driven", "sticking", "undamped", "in flight", "tree")
+    for name in ("driven", "sticking", "undamped", "in flight", "tree", "body")
 }
 
 

@@ -1,0 +1,256 @@
+"""Bodies that are no gears: springs, walls that stand alone, noise that acts on a body, and what is
+refused."""
+
+import math
+from dataclasses import replace
+from itertools import product
+
+import mpmath
+import numpy as np
+import pytest
+from oracle import Sine, gearbox
+from scenes import ORDERS, TREES, tree
+
+from rattle.closure import mean_map
+from rattle.scene import InputError, Scene, Start, Wheel
+from rattle.scene.flight import field, field_rate, flow, jacobian, noise_covariance
+from rattle.scene.impact import energy_loss
+from rattle.scene.orbit import follow
+from rattle.scene.spring import sprung
+from rattle.scene.tangent import saltation_matrix
+
+SINES = tuple(Sine(one.order, one.amplitude, one.phase) for one in ORDERS)
+
+
+def oscillator(noise=1, **wheel):
+    """A body that a spring holds, on a table that shakes with three orders."""
+    held = Wheel(**({"beta": 0.1, "gamma": 0.2, "gap": 0.4, "stiffness": 2.0} | wheel))
+    start = Start(0.3, -0.05, 0.5)
+    return Scene(
+        alpha=1.2, epsilon=0.8, sigma=0.1, noise=noise, drive=ORDERS, wheels=[held], start=start
+    )
+
+
+OSCILLATORS = {
+    "two walls": oscillator(),
+    "one wall": oscillator(one_sided=True),
+    "wall in the middle": oscillator(one_sided=True, gap=0.0),
+    "critically damped": oscillator(beta=2.0 * math.sqrt(2.0)),
+    "overdamped": oscillator(beta=6.0, gap=0.1),
+    "noise of the table": oscillator(noise="drive"),
+}
+BODIES = OSCILLATORS | {
+    "noise on the second of two wheels": replace(tree((0, 1)), sigma=0.1, noise=2),
+    "noise on a wheel that drives two": replace(TREES["tree of 4"], noise="2"),
+}
+
+
+def oracle_of(scene):
+    return gearbox(scene.constants, SINES if scene.drive == ORDERS else (Sine(),))
+
+
+def response(beta, stiffness, t):
+    """The response of a body that a spring holds, to 60 digits."""
+    with mpmath.workdps(60):
+        b, k, t = (mpmath.mpf(value) for value in (beta, stiffness, t))
+        rate = mpmath.sqrt(b * b / 4 - k)
+        swing = mpmath.sinh(rate * t) / rate if rate else t
+        e = mpmath.re(mpmath.exp(-b * t / 2) * swing)
+        d = mpmath.re(mpmath.exp(-b * t / 2) * (mpmath.cosh(rate * t) - b / 2 * swing))
+        growth = mpmath.exp(-b / 2 * t + abs(mpmath.re(rate) * t))
+        return (float(e), float(d), float((1 - d - b * e) / k)), float(growth)
+
+
+CRITICAL = [2.0 * (1.0 + off) for off in (0.0, 3e-16, -4e-16, 1e-14, -1e-10, 1e-7, -1e-5, 1e-3)]
+DAMPINGS = (0.0, 1e-9, 1e-3, 1.0, *CRITICAL, 3.0, 1e3)  # over the root of the stiffness
+TIMES = (1e-12, 1e-6, 1e-3, 0.1, 0.5, 0.99, 1.0, 3.0, 10.0, 100.0, 1e3, -1e-12, -1e-3, -0.5, -5.0)
+CHANGE = 1e-8
+"""Relative change of an input that shows how much its rounding changes the response."""
+
+
+def worst_response(planted=1.0):
+    """The largest error of a response, in units of what the rounding of its inputs and of itself
+    changes; `planted` is a factor on the damping."""
+    worst = 0.0
+    for stiffness, damping, t in product((1e-6, 1.0, 37.0, 1e4), DAMPINGS, TIMES):
+        beta = damping * math.sqrt(stiffness)
+        if t < 0.0 and (beta + math.sqrt(stiffness)) * abs(t) > 100.0:
+            continue
+        inputs = np.array([beta, stiffness, t])
+        exact, growth = response(*inputs)
+        # what a sine or a difference of two exponentials is small against
+        sizes = (growth * min(abs(t), stiffness**-0.5), growth, 0.0)
+        unit = np.maximum(np.abs(exact), sizes)
+        for i in range(3):
+            changed, _ = response(*inputs * (1.0 + CHANGE * np.eye(3)[i]))
+            unit += np.abs(np.subtract(changed, exact)) / CHANGE
+        error = np.abs(np.subtract(sprung(planted * beta, stiffness, t), exact))
+        worst = max(worst, (error / np.maximum(1e-16 * unit, 1e-290)).max())
+    return worst
+
+
+def test_response_of_a_spring_is_exact_to_rounding():
+    assert worst_response() < 10.0 < worst_response(planted=1.0 + 1e-14)
+
+
+@pytest.mark.parametrize("name", OSCILLATORS)
+def test_impacts_of_an_oscillator_are_those_of_an_ode_solver(name):
+    scene = OSCILLATORS[name]
+    orbit = follow(scene, 12)
+    assert orbit.found == 12
+
+    def largest_error(scene):
+        box = oracle_of(scene)
+        errors = []
+        for k in range(12):
+            t = orbit.flight[k + 1]
+            crossing = box.first_crossing(orbit.tau[k], orbit.after[k], t + 0.1)
+            if crossing is None:
+                return math.inf
+            assert crossing[1:3] == (orbit.mesh[k + 1], orbit.side[k + 1])
+            errors.append(abs(crossing[0] - t))
+            errors.extend(abs(crossing[3] - orbit.before[k + 1]))
+            middle = box.fly(orbit.tau[k], orbit.after[k], 0.5 * t)
+            errors.extend(
+                abs(middle - flow(scene.constants, orbit.tau[k], orbit.after[k], 0.5 * t))
+            )
+        return max(errors)
+
+    stiffer = replace(scene.wheels[0], stiffness=2.0 + 2e-7)
+    assert largest_error(scene) < 1e-9 < largest_error(replace(scene, wheels=[stiffer]))
+
+
+@pytest.mark.parametrize("name", BODIES)
+def test_noise_of_a_flight_is_that_of_an_ode_solver(name):
+    scene = BODIES[name]
+    box = oracle_of(scene)
+    nothing = np.zeros((2 * scene.stages, 2 * scene.stages))
+    for t in (0.3, 7.0):
+        exact = box.covariance(0.4, nothing, t)
+        sd = np.sqrt(exact.diagonal())
+        moved = np.outer(sd, sd) > 0.0
+        found = noise_covariance(scene.constants, 0.4, t)
+        assert (found[~moved] == 0.0).all()
+        assert (abs(found - exact)[moved] < 1e-9 * np.outer(sd, sd)[moved]).all()
+        other = replace(scene, noise="drive" if scene.noisy_wheel else 1)  # negative control
+        wrong = noise_covariance(other.constants, 0.4, t)
+        assert (abs(wrong - exact)[moved] > 1e-2 * np.outer(sd, sd)[moved]).any()
+    # a short flight: the variance of an integral of white noise, without loss of digits
+    short = noise_covariance(scene.constants, 0.4, 1e-9)
+    push = scene.sigma * box.noise_direction(0.4 + 1e-9)[1::2]
+    assert short[::2, ::2] == pytest.approx(np.outer(push, push) * 1e-27 / 3.0, rel=1e-7, abs=0.0)
+
+
+@pytest.mark.parametrize("name", BODIES)
+def test_derivatives_are_differences(name):
+    c = BODIES[name].constants
+    state = np.linspace(-0.3, 0.4, 2 * c.wheels.size)
+    unit = np.eye(state.size)
+    begin = flow(c, 0.4, state, 1.3)
+    across = np.array([flow(c, 0.4, state + step, 1.3) - begin for step in unit]).T
+    assert jacobian(c, 1.3) == pytest.approx(across, abs=1e-13)
+    h = 1e-4
+    rate = (field(c, 0.4 + h, state) - field(c, 0.4 - h, state)) / (2.0 * h)
+    # with the wheels' own speeds the driver's moves too
+    assert field_rate(c, 0.4) == pytest.approx(rate, abs=1e-5)
+    xi = saltation_matrix(c, 1, 0.4, state)
+    assert np.linalg.det(xi) == pytest.approx(c.wheels[0].epsilon ** 2)
+
+
+def test_a_ball_bounces_geometrically_until_it_rests():
+    body = Wheel(gamma=9.8, gap=0.0, one_sided=True, epsilon=0.6)
+    scene = Scene(alpha=0.0, wheels=[body], start=Start(0.5, 0.0, -3.0))
+    orbit = follow(scene, 60)
+    speeds = 3.0 * 0.6 ** np.arange(orbit.found)
+    assert orbit.found > 20
+    assert orbit.before[1 : orbit.found + 1, 1] == pytest.approx(speeds, rel=1e-9)
+    assert orbit.flight[1 : orbit.found + 1] == pytest.approx(2.0 * speeds / 9.8, rel=1e-9)
+    assert (orbit.side[1 : orbit.found + 1] == 1).all()
+    (rest,) = orbit.sticking
+    assert rest.closed == pytest.approx(0.5 + 2.0 * 3.0 / 9.8 / 0.4, rel=1e-9)
+    assert rest.opened == math.inf
+    lost = sum(energy_loss(scene.constants, 1, y) for y in orbit.before[1 : orbit.found + 1, 1])
+    assert lost == pytest.approx(0.5 * 3.0**2, rel=1e-6)
+
+
+@pytest.mark.parametrize("walls", [{}, {"one_sided": True}, {"one_sided": True, "gap": 0.0}])
+def test_a_free_oscillator_keeps_its_energy_but_for_impacts(walls):
+    scene = replace(
+        oscillator(beta=0.0, gamma=0.0, **walls), alpha=0.0, start=Start(0.3, -0.2, 1.5)
+    )
+    orbit = follow(scene, 6)
+    (body,) = scene.wheels
+
+    def energy(states):
+        return 0.5 * states[:, 1] ** 2 + 0.5 * body.stiffness * states[:, 0] ** 2
+
+    gone = [energy_loss(scene.constants, 1, y) for y in orbit.before[1:, 1]]
+    assert energy(orbit.before[1:]) == pytest.approx(energy(orbit.after[:-1]), rel=1e-12)
+    assert energy(orbit.before[1:]) - energy(orbit.after[1:]) == pytest.approx(gone, rel=1e-12)
+    half = orbit.flight[2:]  # from the wall to itself, or across
+    if walls.get("gap") == 0.0:
+        assert half == pytest.approx(math.pi / math.sqrt(body.stiffness), rel=1e-12)
+
+
+@pytest.mark.parametrize("name", BODIES)
+def test_a_scene_of_bodies_comes_back_from_its_file(name):
+    scene = BODIES[name]
+    again = Scene.from_toml(scene.to_toml())
+    assert again == scene
+    assert ("body" in scene.to_dict()) is not scene.is_gears
+
+
+BALL = {"gamma": 1.0, "one_sided": True, "name": "ball"}
+ON_SPRING = Wheel(stiffness=2.0, name="mass")
+ANY = Wheel(name="any")
+REFUSED = {
+    "unknown noise": ({}, {"noise": "bal"}, "noise", "bal", "one of: drive, ball"),
+    "noise on no body": ({}, {"noise": 2}, "noise", 2, "one of: drive, ball"),
+    "memory": (
+        {},
+        {"noise": "ball", "correlation_time": 0.3},
+        "correlation_time",
+        0.3,
+        "a random force is white",
+    ),
+    "stiffness": ({"stiffness": -1.0}, {}, "wheel.stiffness", -1.0, "0 or greater"),
+    "stiffness of no number": ({"stiffness": math.nan}, {}, "wheel.stiffness", None, "finite"),
+    "tolerance of one wall": ({"tolerance": 0.1}, {}, "wheel.tolerance", 0.1, "has no tolerance"),
+    "one-sided or not": ({"one_sided": 1}, {}, "wheel.one_sided", 1, "true or false"),
+    "no gap": ({"one_sided": False, "gap": 0.0}, {}, "wheel.gap", 0.0, "greater than 0"),
+    "beyond the wall": ({}, {"start": Start(0.0, 0.6, 0.0)}, "start.x1", 0.6, "or before it"),
+    "into the wall": ({}, {"start": Start(0.0, 0.5, 1.0)}, "start.y1", 1.0, "must move inward"),
+    "away from it": ({}, {"start": Start(0.0, 0.5, -1.0, mesh=1)}, "start.mesh", 1, "y1 outward"),
+    "a spring that drives": (
+        {},
+        {"wheels": [ON_SPRING, Wheel(parent=1)]},
+        "wheel.mass.stiffness",
+        2.0,
+        "drives no other",
+    ),
+    "a spring behind a wheel": (
+        {},
+        {"wheels": [ANY, replace(ON_SPRING, parent="any")]},
+        "wheel.mass.stiffness",
+        2.0,
+        "meshes with the driver",
+    ),
+}
+
+
+@pytest.mark.parametrize(
+    ("body", "scene", "field", "value", "remedy"), REFUSED.values(), ids=REFUSED
+)
+def test_what_cannot_be_is_refused(body, scene, field, value, remedy):
+    with pytest.raises(InputError, match=remedy) as caught:
+        Scene(**({"alpha": 0.0, "epsilon": 0.8, "wheels": [Wheel(**BALL | body)]} | scene))
+    assert caught.value.field == field
+    assert value is None or caught.value.value == value
+
+
+@pytest.mark.parametrize("closure", ["published", "corrected"])
+def test_the_closures_of_the_paper_are_for_gears(closure):
+    scene = Scene(alpha=0.0, epsilon=0.8, wheels=[Wheel(**BALL)], start=Start(0.0, 0.0, -3.0))
+    with pytest.raises(InputError, match=f"{closure} is the paper's") as caught:
+        mean_map(scene, impacts=2, closure=closure)
+    assert caught.value.field == "scene"
