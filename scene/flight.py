@@ -22,6 +22,7 @@ from rattle.scene.drive import (
     excite,
     highest_order,
     jerk,
+    sine_cosine,
     velocity,
     velocity_acceleration,
 )
@@ -35,6 +36,8 @@ _nodes, _weights = gauss_legendre(16)
 NODES = 0.5 * (_nodes + 1.0)
 WEIGHTS = 0.5 * _weights
 PANEL = 2.0
+# distance from resonance below which the swing of a wheel on a spring is not taken as settled
+RESONANCE = 1e-2
 
 
 @jit
@@ -90,14 +93,56 @@ def fastest_rate(c: Constants) -> float:
 
 
 @internal
+def _swing(drive: Any, beta: float, stiffness: float, tau: float) -> tuple[float, float, float]:
+    """Displacement and rate of a wheel that a spring holds, where it has swung with the drive for
+    ever, and how far the drive is from resonance: the least of ``|stiffness - j^2 + i beta j|``."""
+    orders = 1 if len(drive) == 0 else drive.order.size
+    x = y = 0.0
+    apart = math.inf
+    for i in range(orders):
+        j = odd = 1.0
+        even = 0.0
+        if len(drive) != 0:
+            j = drive.order[i]
+            odd = drive.odd[i]
+            even = drive.even[i]
+        sine, cosine = sine_cosine(j * tau)
+        # of f'' + beta f', in units of its sine and cosine
+        by_sine = -j * (j * odd + beta * even)
+        by_cosine = j * (beta * odd - j * even)
+        off = stiffness - j * j
+        lag = beta * j
+        square = off * off + lag * lag
+        of_sine = (off * by_sine + lag * by_cosine) / square
+        of_cosine = (off * by_cosine - lag * by_sine) / square
+        x += of_sine * sine + of_cosine * cosine
+        y += j * (of_sine * cosine - of_cosine * sine)
+        apart = min(apart, math.sqrt(square))
+    return x, y, apart
+
+
+@internal
 def _excite_sprung(
     drive: Any, beta: float, stiffness: float, tau: float, t: float
 ) -> tuple[float, float]:
     """What the drive adds to displacement and rate of a wheel that a spring holds, in a flight from
-    `tau` on: by Gauss-Legendre quadrature on panels, each carried through the next."""
+    `tau` on.
+
+    Over a longer time the swing at its end less what is left of that at its start.  Over a short
+    one, and near resonance, these would cancel: by Gauss-Legendre quadrature on panels, each
+    carried through the next.
+    """
     not_inlined()
     fastest = beta + math.sqrt(stiffness) + highest_order(drive)
     panels = max(1, math.ceil(abs(t) * fastest / PANEL))
+    if panels > 1:
+        x, y, apart = _swing(drive, beta, stiffness, tau)
+        if apart > RESONANCE:
+            x_end, y_end, _ = _swing(drive, beta, stiffness, tau + t)
+            p = sprung(beta, stiffness, t)
+            moved = x_end - (x + (y * p.e - stiffness * x * p.g))
+            gained = y_end - (y * p.d - stiffness * x * p.e)
+            return moved, gained
     h = t / panels
     over = sprung(beta, stiffness, h)
     moved = gained = 0.0
