@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from rattle.scene.compiled import internal, jit, splice
+from rattle.scene.compiled import internal, jit, not_inlined, splice
 from rattle.scene.damping import Damped, damped, pair
 from rattle.scene.drive import (
     PERIOD,
@@ -95,6 +95,7 @@ def _excite_sprung(
 ) -> tuple[float, float]:
     """What the drive adds to displacement and rate of a wheel that a spring holds, in a flight from
     `tau` on: by Gauss-Legendre quadrature on panels, each carried through the next."""
+    not_inlined()
     fastest = beta + math.sqrt(stiffness) + highest_order(drive)
     panels = max(1, math.ceil(abs(t) * fastest / PANEL))
     h = t / panels
@@ -305,6 +306,7 @@ def _respond_own(c: Constants, apart: Floats, lag: float, g: Floats) -> None:
 @internal
 def _of_own_noise(c: Constants, v: Floats, apart: Floats, t: float, panel: float) -> Floats:
     """Covariance of unit noise that acts on wheels themselves: of a panel, doubled."""
+    not_inlined()
     h = t
     doublings = 0
     while h > panel:

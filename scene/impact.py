@@ -6,7 +6,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from rattle.scene.compiled import inline, internal, jit, lean
+from rattle.scene.compiled import inline, internal, jit, lean, not_inlined
 from rattle.scene.drive import acceleration, most_acceleration, most_jerk, most_velocity
 from rattle.scene.flight import displace, wheel_speeds
 from rattle.scene.linear_algebra import add_outer
@@ -175,6 +175,7 @@ def _approach_sprung(
     ``|a'| <= beta |a| + stiffness |y| + drive_rate``, and in that time y and the acceleration a
     grow by no more than that makes of them.
     """
+    not_inlined()
     wheel = c.wheels[i]
     t = spring_step(c, i)
     by_speed = wheel.stiffness * abs(y) + drive_rate

@@ -8,7 +8,7 @@ is a Taylor series, whose terms follow from the equation.
 
 import math
 
-from rattle.scene.compiled import internal
+from rattle.scene.compiled import internal, not_inlined
 from rattle.scene.damping import Damped, pair
 
 SHORT = 1.0  # time, in units of the fastest rate, up to which the series is summed
@@ -22,6 +22,7 @@ def sprung(beta: float, stiffness: float, t: float) -> Damped:
 
     A unit displacement becomes ``1 - stiffness g`` and makes the speed ``-stiffness e``.
     """
+    not_inlined()
     if (beta + math.sqrt(stiffness)) * abs(t) < SHORT:
         return _sum_series(beta, stiffness, t)
     mean = 0.5 * beta

@@ -20,5 +20,5 @@ def test_the_markdown_of_every_measurement_is_that_of_its_csv():
     """In a process of its own, for the scripts are no modules of the tests."""
     done = subprocess.run([sys.executable, "-c", CODE], capture_output=True, text=True, check=True)
     files = sorted(file.name for file in RESULTS.glob("*.table.md"))
-    assert len(files) == 15
+    assert len(files) == 17
     assert done.stdout.splitlines() == [f"{name} read" for name in files]

@@ -6,7 +6,7 @@ import numpy as np
 
 from rattle.montecarlo.noise.philox import RESTITUTION, Key, Word, normals
 from rattle.scene import Bools, Floats, Scene
-from rattle.scene.compiled import lean_internal
+from rattle.scene.compiled import lean_internal, not_inlined
 
 ATTEMPTS = Word(64)  # rejection sampling; of a normal that is cut at 3 sds one in 370 is rejected
 
@@ -34,6 +34,7 @@ def restitution_of(scene: Scene) -> RandomRestitution:
 @lean_internal
 def draw_restitution(r: RandomRestitution, key: Key, path: Word, impact: int, mesh: int) -> float:
     """The restitution of slow impacts that a path has at an impact."""
+    not_inlined()
     i = mesh - 1
     mean: float = r.mean[i]
     if r.sd[i] == 0.0:

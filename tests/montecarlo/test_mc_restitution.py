@@ -1,0 +1,178 @@
+"""Restitution that is random, or falls with the impact speed: simulated impacts and `saltation`."""
+
+import math
+
+import numpy as np
+import pytest
+
+from rattle import Record, Scene, Start, Wheel, mean_map, simulate, stationary, validate
+from rattle.scene import InputError, Restitution
+from rattle.scene.orbit import follow
+from rattle.scene.tangent import saltation_matrix
+
+GRAVITY = 9.807
+HEIGHT = 50.0
+READ_AT = 12.5  # between impacts 2 and 3 of all balls
+MEAN = 0.9
+SD = 0.02
+LEAST = 0.84
+PATHS = 40_000
+# of 12 comparisons by one normal deviate each: false once in 5,000 runs
+ERRORS = 4.2
+
+
+BY_PATH = Restitution(sd=0.1, draw="path")
+
+
+def ball(law, epsilon=MEAN, launch=None):
+    """A ball that falls from rest, or leaves its floor at a speed; without noise."""
+    start = Start(0.0, state=(-HEIGHT, 0.0)) if launch is None else Start(0.0, 0.0, -launch)
+    body = Wheel(gamma=GRAVITY, gap=0.0, one_sided=True, restitution=law)
+    return Scene(alpha=0.0, epsilon=epsilon, wheels=[body], start=start)
+
+
+def heights_at(restitutions, time):
+    """Height of balls that fall from rest, whose restitution at each impact is given."""
+    v = np.full(restitutions.shape[1], math.sqrt(2.0 * GRAVITY * HEIGHT))
+    since = np.full(v.size, time - v[0] / GRAVITY)
+    for epsilon in restitutions:
+        v = np.where(since > 0.0, epsilon * v, v)
+        flight = 2.0 * v / GRAVITY
+        last = since < flight
+        height = v * since - 0.5 * GRAVITY * since**2
+        if last.all():
+            break
+        since = np.where(last, since, since - flight)
+    return height
+
+
+def cut_normals(shape, rng):
+    """Normal deviates of the restitution, cut as in the scene."""
+    drawn = rng.normal(MEAN, SD, shape)
+    while (out := (drawn < LEAST) | (drawn > 1.0)).any():
+        drawn[out] = rng.normal(MEAN, SD, out.sum())
+    return drawn
+
+
+@pytest.mark.parametrize("draw", ["path", "contact"])
+def test_the_height_of_a_ball_of_random_restitution_is_that_of_a_computation_apart(draw):
+    """Mean and variance at a time, against a million balls by hand; a restitution that is drawn the
+    other way is seen."""
+    law = Restitution(sd=SD, least=LEAST, most=1.0, draw=draw)
+    run = simulate(ball(law), paths=PATHS, impacts=3, rng=5, record=Record(times=[READ_AT]))
+    at = run.at_times().reset_index().iloc[0]
+    rng = np.random.default_rng(1)
+    by_path = np.repeat(cut_normals((1, 10**6), rng), 2, axis=0)
+    by_contact = cut_normals((2, 10**6), rng)
+    deviates = {}
+    for name, restitutions in {"path": by_path, "contact": by_contact}.items():
+        height = heights_at(restitutions, at["time"])
+        of_mean = (-at["x1"] - height.mean()) / math.hypot(at["se_x1"], height.std() / 1e3)
+        off = (height - height.mean()) ** 2
+        error = math.hypot(at["se_cov_x1_x1"], off.std() / 1e3)
+        deviates[name] = max(abs(of_mean), abs(at["cov_x1_x1"] - off.mean()) / error)
+    other = "contact" if draw == "path" else "path"
+    assert deviates[draw] < ERRORS
+    assert deviates[other] > 20.0
+
+
+def test_the_bed_of_a_ball_of_random_restitution():
+    """``E (y - 25)^2 = 36.00863`` for one draw a path, by quadrature over the restitution."""
+    weight = np.linspace(LEAST, 1.0, 200_001)
+    density = np.exp(-0.5 * ((weight - MEAN) / SD) ** 2)
+    height = heights_at(np.repeat(weight[None], 2, axis=0), READ_AT)
+    square = float(np.sum(density * (height - 25.0) ** 2) / np.sum(density))
+    assert square == pytest.approx(36.00863, abs=2e-5)
+
+
+def test_a_restitution_that_falls_with_the_speed_returns_what_it_says():
+    """Of a ball without noise every launch is known; so is the derivative, by differences."""
+    law = Restitution(speed=3.0)
+    orbit = follow(ball(law, launch=8.0), 6)
+    w = np.abs(orbit.before[1:, 1])
+    assert np.abs(orbit.after[1:, 1]) == pytest.approx(0.9 * w * (1.0 + w / 3.0) ** -0.25)
+    c = ball(law).constants
+    for speed in (0.1, 4.0):
+        state = np.array([0.0, speed])
+        out = [0.9 * v * (1.0 + v / 3.0) ** -0.25 for v in (speed - 1e-5, speed + 1e-5)]
+        slope = (out[1] - out[0]) / 2e-5
+        assert saltation_matrix(c, 1, 0.0, state)[0, 0] == pytest.approx(-out[0] / speed, rel=1e-3)
+        assert np.linalg.det(saltation_matrix(c, 1, 0.0, state)) == pytest.approx(
+            slope * out[0] / speed, rel=1e-3
+        )
+
+
+def chain(law, sigma):
+    """Two wheels in a row with a law of restitution at both meshes."""
+    first = Wheel(beta=0.083, gamma=0.4, restitution=law)
+    second = Wheel(beta=0.07, gamma=0.3, parent=1, mass=0.8, restitution=law)
+    return Scene(alpha=1.5, sigma=sigma, epsilon=0.9, wheels=[first, second])
+
+
+@pytest.mark.parametrize(
+    ("law", "sigma"), [(Restitution(speed=4.0), 0.02), (Restitution(sd=0.01, speed=4.0), 0.005)]
+)
+def test_saltation_knows_a_law_of_restitution(law, sigma):
+    """Means and sds after four impacts against simulated ones; without the law both are far off."""
+    run = simulate(chain(law, sigma), paths=PATHS, impacts=4, rng=3).section.iloc[3]
+
+    def deviate(given):
+        predicted = mean_map(chain(given, sigma), impacts=4, closure="saltation").section.iloc[3]
+        columns = [name for q in ("tau", "y1", "y2") for name in (q, f"sd_{q}")]
+        return max(abs(predicted[name] - run[name]) / run[f"se_{name}"] for name in columns)
+
+    assert deviate(law) < ERRORS
+    assert deviate(None) > 20.0
+
+
+def test_energy_of_a_random_restitution_balances_in_the_long_run():
+    """What noise supplies impacts lose: the loss counts the variance of the restitution."""
+    mass = Wheel(
+        beta=0.1, gap=0.0, stiffness=1.0, one_sided=True, restitution=Restitution(sd=0.1, speed=2.0)
+    )
+    scene = Scene(alpha=0.0, epsilon=0.7, sigma=0.5, noise=1, wheels=[mass])
+    run = stationary(scene, periods=256, paths=64, rng=2).run
+    lost, supplied = run.energy_balance()
+    off = lost - supplied
+    error = off.std(ddof=1) / math.sqrt(off.size)
+    assert abs(off.mean()) < ERRORS * error
+    assert error < 0.02 * supplied.mean()
+
+
+@pytest.mark.parametrize(
+    ("make", "field", "value", "remedy"),
+    [
+        (lambda: Restitution(sd=1.5), "restitution.sd", "1.5", "between 0 and 1"),
+        (lambda: Restitution(draw="once"), "restitution.draw", "once", "contact"),
+        (lambda: Restitution(speed=0.0), "restitution.speed", "0.0", "greater than 0"),
+        (lambda: ball(Restitution(sd=0.1, most=0.8)), "restitution", "0.8", "epsilon = 0.9"),
+        (
+            lambda: mean_map(ball(BY_PATH), impacts=2, closure="saltation"),
+            "restitution.draw",
+            "path",
+            "contact",
+        ),
+        (
+            lambda: stationary(ball(BY_PATH), periods=64),
+            "restitution.draw",
+            "path",
+            "contact",
+        ),
+    ],
+)
+def test_a_law_that_cannot_be_is_refused_by_field_value_and_remedy(make, field, value, remedy):
+    with pytest.raises(InputError) as caught:
+        make()
+    text = str(caught.value)
+    assert text.startswith(field)
+    assert value in text
+    assert remedy in text
+
+
+def test_a_law_of_restitution_goes_through_a_file():
+    law = Restitution(sd=0.05, least=0.8, speed=2.0)
+    scene = ball(law)
+    assert Scene.from_toml(scene.to_toml()) == scene
+    assert scene.noise_free.tree[0].restitution == Restitution(speed=2.0)
+    table = validate(scene, impacts=2, paths=2_000, closures=["saltation"], rng=1).table
+    assert set(table["closure"]) == {"saltation"}
