@@ -225,15 +225,12 @@ class Kept(NUMBAS_CACHE):  # type: ignore[misc]
       function that is not kept needs.
     - It sees no edit of a file that a function calls into, while a process runs.
     - A compiled function that a function closes over has another key in each process there; here
-      its name, since the folder is that of its source.
+      it is part of the function's name (`_name_closure`), since the folder is that of its source.
     """
 
     def _index_key(self, signature: Any, codegen: Any) -> Any:
-        """What tells the machine code of a function apart: types, processor, code, and what it
-        closes over."""
-        cells = [cell.cell_contents for cell in self._py_func.__closure__ or ()]
-        names = [f"{x.__module__}.{x.__qualname__}" if callable(x) else x for x in cells]
-        return signature, codegen.magic_tuple(), self._py_func.__code__.co_code, repr(names)
+        """What tells the machine code of a function of one name apart: types, processor, code."""
+        return signature, codegen.magic_tuple(), self._py_func.__code__.co_code
 
     def load_overload(self, signature: Any, target_context: Any) -> Any:
         """Machine code from the disk; None where it has to be compiled."""
@@ -309,9 +306,24 @@ EVENTS.register("numba:compile", _Compiling())
 INTERPRETED = bool(CONFIG.DISABLE_JIT)
 
 
+def _name_closure(function: Any) -> None:
+    """Give a function that closes over values a name of its own for these.
+
+    The linker knows machine code by name, types and a number that counts anew in each process: of
+    two kernels of one name, each compiled first in its process, both would run the one loaded
+    first.
+    """
+    if not function.__closure__:
+        return
+    cells = [cell.cell_contents for cell in function.__closure__]
+    values = [f"{x.__module__}.{x.__qualname__}" if callable(x) else x for x in cells]
+    function.__qualname__ += f"_{hashlib.sha256(repr(values).encode()).hexdigest()[:8]}"
+
+
 def _keep(function: Callable[P, R], options: dict[str, Any]) -> Any:
     """Compile a function, and have its machine code kept on disk."""
     note_imports()
+    _name_closure(function)
     compiled: Any = numba.njit(**options)(function)
     if _folder is not None and not INTERPRETED:
         # a kernel is made when it is first needed, perhaps in several threads: with the folder of

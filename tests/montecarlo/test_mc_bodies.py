@@ -64,3 +64,11 @@ def test_impacts_lose_what_noise_and_drive_supply(parents, noisy, alpha):
         return abs(difference.mean()) / difference.std(ddof=1) * math.sqrt(run.paths)
 
     assert z(0.0) < 4.0 < z(0.05)
+
+
+def test_a_body_that_flies_for_long_is_not_given_up():
+    """Its first flight takes 120; a path of gears is given up after 50 for each impact."""
+    ball = Wheel(gamma=1.0, gap=0.0, one_sided=True, name="ball")
+    start = Start(0.0, 0.0, -60.0)
+    scene = Scene(alpha=0.0, epsilon=0.8, sigma=1.0, noise="ball", wheels=[ball], start=start)
+    assert simulate(scene, paths=100, impacts=1).unfinished == 0

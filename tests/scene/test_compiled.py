@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 
 from rattle import Scene
+from rattle.montecarlo import SCHEMES
+from rattle.montecarlo.kernel.kernel import block_kernel
 from rattle.scene import compiled
 from rattle.scene.compiled import jit
 from rattle.scene.flight import flow
@@ -97,3 +99,11 @@ def test_threads_that_decorate_at_once_keep_in_the_folder(monkeypatch, locked):
     places = {Path(function._cache.cache_path).parent for function in made}
     right = places == {compiled.folder()} and compiled.CONFIG.CACHE_DIR == ""
     assert right == locked
+
+
+def test_kernels_have_names_of_their_own():
+    """Machine code of one name and types, compiled first in two processes, is one for the linker:
+    exact flights were Euler's steps then."""
+    kernels = [block_kernel(scheme, n) for scheme in SCHEMES.values() for n in (0, 2)]
+    names = {getattr(kernel, "py_func", kernel).__qualname__ for kernel in kernels}
+    assert len(names) == len(kernels)

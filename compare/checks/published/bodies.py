@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.special import erf
-from scipy.stats import kstest, norm, rayleigh
+from scipy.stats import kstest, norm, rayleigh, truncnorm
 
 from rattle.compare.checks.check import Check, Found
 from rattle.compare.checks.published.noise import check_mean
@@ -28,7 +28,7 @@ from rattle.compare.validation.validate import validate
 from rattle.montecarlo import Record, simulate
 from rattle.montecarlo.long_run import LongRun, long_run
 from rattle.montecarlo.long_run.sums import ENERGY, SPEED
-from rattle.scene import Floats, Scene, Start, Wheel
+from rattle.scene import Floats, Restitution, Scene, Start, Wheel
 
 # restitution and first launch speed of the ball
 LAUNCHES = ((0.8, 3.0), (0.9, 10.0))
@@ -63,6 +63,15 @@ ZETA = 0.1
 OSCILLATOR_SIGMA = 0.7
 RESTITUTIONS = (1.0, 0.8, 0.5)
 PERCENTAGES = (5, 50, 95)  # quantiles of the impact speed
+
+# a ball that is dropped, in metres and seconds, and its restitution
+GRAVITY = 9.807
+DROP_HEIGHT = 50.0
+DROP_TIME = 12.5
+DROPS = 100_000
+RESTITUTION_MEAN = 0.9
+RESTITUTION_SD = 0.02
+RESTITUTION_ENDS = (0.84, 1.0)
 
 
 class BallImpacts(NamedTuple):
@@ -322,4 +331,43 @@ def noisy_oscillator(seed: int = 0, workers: int = 2) -> Found:
         "a spring 3 % stiffer": elastic(first, stiffness=1.03),
         "5 % more noise": elastic(first, noise=1.05),
         "10 % of the loss missing": balances(kept=0.9),
+    }
+
+
+def _height(restitution: Any) -> Any:
+    """Height of the dropped ball at `DROP_TIME`, which it reaches after two bounces."""
+    fall = math.sqrt(2.0 * DROP_HEIGHT / GRAVITY)
+    since = DROP_TIME - fall * (1.0 + 2.0 * restitution)
+    return (restitution**2 * fall - 0.5 * since) * GRAVITY * since
+
+
+def random_restitution(seed: int = 0, workers: int = 2) -> Found:
+    """Check mean and variance of the height of a ball that was dropped, whose restitution is drawn
+    once from a cut normal distribution."""
+    least, most = RESTITUTION_ENDS
+    drawn = Restitution(sd=RESTITUTION_SD, least=least, most=most, draw="path")
+    body = Wheel(gamma=GRAVITY, gap=0.0, one_sided=True, restitution=drawn)
+    start = Start(0.0, -DROP_HEIGHT, 0.0)
+    run = simulate(
+        Scene(alpha=0.0, epsilon=RESTITUTION_MEAN, wheels=(body,), start=start),
+        paths=DROPS,
+        impacts=4,
+        dt=DROP_TIME / 512,
+        rng=seed,
+        workers=workers,
+        record=Record(times=[DROP_TIME]),
+    )
+    row = run.at_times().iloc[0]
+
+    def checks(mean: float = RESTITUTION_MEAN, sd: float = RESTITUTION_SD) -> Iterator[Check]:
+        ends = [(end - mean) / sd for end in RESTITUTION_ENDS]
+        truth = truncnorm(*ends, mean, sd)
+        height = truth.expect(_height)
+        variance = truth.expect(lambda e: (_height(e) - height) ** 2)
+        yield Check("E y", -float(row["x1"]), height, float(row["se_x1"]))
+        yield Check("Var y", float(row["cov_x1_x1"]), variance, float(row["se_cov_x1_x1"]))
+
+    return checks(), {
+        "a mean of 0.903": checks(mean=0.903),
+        "sd 5 % larger": checks(sd=1.05 * RESTITUTION_SD),
     }

@@ -19,11 +19,11 @@ from rattle.scene import Gears, impact, wheel
 
 pytestmark = pytest.mark.published
 
-STRIKE = impact.strike
+STRIKE = impact.rebound
 LOSS = impact.energy_loss
 COMPLETE = wheel.complete_wheels
 MU = Gears.mu.fget
-CHANGE = "-(1.0 + wheel.epsilon) * rate"
+CHANGE = "-(1.0 + epsilon) * rate"
 MUTATIONS = {
     "nothing": (STRIKE, "", ""),
     "share of the parent into that of the wheel": (
@@ -31,18 +31,18 @@ MUTATIONS = {
         "(1.0 - wheel.share) * change",
         "wheel.share * change",
     ),
-    "1 + epsilon into epsilon, mesh 2": (STRIKE, CHANGE, "-(wheel.epsilon + (mesh == 1)) * rate"),
+    "1 + epsilon into epsilon, mesh 2": (STRIKE, CHANGE, "-(epsilon + (mesh == 1)) * rate"),
     "an impact does not kick the gaps behind": (STRIKE, "other.ratio * moved", "0.0"),
     "mesh 2 does not kick y1": (STRIKE, "other.sign * others", "0.0"),
     "restitution of mesh 2 squared": (
         STRIKE,
-        "-wheel.epsilon * rate",
-        "-(wheel.epsilon**mesh) * rate",
+        "-epsilon * rate",
+        "-(epsilon**mesh) * rate",
     ),
     "no restitution at mesh 1": (
         STRIKE,
-        "-wheel.epsilon * rate",
-        "-(wheel.epsilon ** (mesh - 1)) * rate",
+        "-epsilon * rate",
+        "-(epsilon ** (mesh - 1)) * rate",
     ),
     "energy lost at mesh 2 without its mass": (LOSS, "reduced * y", "y"),
     "a share of mass without the parent's": (COMPLETE, "(carried + parent.mass)", "carried"),

@@ -1,5 +1,6 @@
 """Published results: the program obeys them, and a wrong result, scene or step is detected."""
 
+import math
 from dataclasses import replace
 from pathlib import Path
 
@@ -72,6 +73,25 @@ def test_truths_of_the_ball_are_those_of_another_quadrature(launched, truth):
     square_before = np.append(launch**2, restitution**2 * square[:-1])
     assert exact["y1"] == pytest.approx(exact["flight"] - before, abs=1e-6)
     assert square == pytest.approx(square_before + exact["flight"], abs=1e-5)
+
+
+def test_height_of_the_dropped_ball_is_that_of_its_flights():
+    """Bounce by bounce; mean and square about 25 are of another quadrature."""
+    e = np.linspace(*bodies.RESTITUTION_ENDS, 20_001)
+    heights = []
+    for restitution in e:
+        t = math.sqrt(2.0 * bodies.DROP_HEIGHT / bodies.GRAVITY)
+        speed = restitution * bodies.GRAVITY * t
+        while t + 2.0 * speed / bodies.GRAVITY < bodies.DROP_TIME:
+            t += 2.0 * speed / bodies.GRAVITY
+            speed *= restitution
+        since = bodies.DROP_TIME - t
+        heights.append(speed * since - 0.5 * bodies.GRAVITY * since**2)
+    assert bodies._height(e) == pytest.approx(heights, abs=1e-9)
+    weights = np.exp(-0.5 * ((e - bodies.RESTITUTION_MEAN) / bodies.RESTITUTION_SD) ** 2)
+    mean = np.average(heights, weights=weights)
+    square = np.average(np.subtract(heights, 25.0) ** 2, weights=weights)
+    assert (mean, square) == (pytest.approx(28.01459, abs=2e-3), pytest.approx(36.00863, abs=2e-2))
 
 
 def test_unknown_result_is_refused():
