@@ -272,7 +272,8 @@ class Scene:
     def _check_noise(self) -> None:
         """Check that the noise acts on something that the scene has."""
         known = (DRIVE_NOISE, *self.wheel_names)
-        if self.noise not in (*known, *range(1, self.stages + 1)) or self.noise is True:
+        numbers = range(1, self.stages + 1)
+        if type(self.noise) not in (str, int) or self.noise not in (*known, *numbers):
             named = ", ".join(known)
             raise InputError("noise", self.noise, f"what it acts on is one of: {named}")
         if self.noisy_wheel and self.correlation_time:
