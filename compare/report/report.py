@@ -3,9 +3,11 @@ manifest."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 from rattle.scene import Scene
+from rattle.scene.words import PAIR, Words
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -35,6 +37,16 @@ class Report:
     digits: str | None = None  # of numbers in CSV; all of them if not given
     template: str = ""  # path within `rattle.compare`
     more: Mapping[str, str] = field(default_factory=dict)  # further facts on where it comes from
+
+    def put_into_words(self, text: str) -> str:
+        """A text in the words of the scene that the page is about, if it is about one."""
+        return self._spoken.put_into(text)
+
+    @cached_property
+    def _spoken(self) -> Words:
+        """What the scene calls its parts."""
+        scene = self.record.get("scene")
+        return Scene.from_dict(scene).words if scene else PAIR
 
     @property
     def repeat(self) -> str:

@@ -1,6 +1,6 @@
 """Common style of all figures: colours, markers, symbols, legends, and reproducible SVG files."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from importlib.resources import files
 from io import BytesIO
 from typing import Any
@@ -10,7 +10,8 @@ from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.figure import Figure
-from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
+from matplotlib.text import Text
+from matplotlib.ticker import FixedFormatter, LogLocator, MaxNLocator, NullFormatter
 
 from rattle.closure import CLOSURES
 from rattle.scene import state_names
@@ -132,9 +133,16 @@ def caption_of(figure: Figure, parts: Iterable[tuple[str, str]]) -> str:
     )
 
 
-def render(figure: Figure) -> bytes:
-    """Draw a figure as SVG; equal figures give equal files."""
+def render(figure: Figure, put: Callable[[str], str] = str) -> bytes:
+    """Draw a figure as SVG, its texts in other words; equal figures give equal files."""
     drawn = BytesIO()
+    for ax in figure.axes:
+        for axis in (ax.xaxis, ax.yaxis):
+            names = axis.get_major_formatter()
+            if isinstance(names, FixedFormatter):
+                names.seq = [put(name) for name in names.seq]
+    for text in figure.findobj(Text):
+        text.set_text(put(text.get_text()))
     with mpl.rc_context(FIGURE_SETTINGS):
         figure.savefig(drawn, format="svg", metadata={"Date": None})
     return drawn.getvalue()
