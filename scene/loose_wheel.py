@@ -26,7 +26,7 @@ WHEEL_KINDS = ("inertia", "radius", "backlash", "damping", "torque")
 """Values of every wheel."""
 OPTIONAL_KINDS = ("parent_radius", "epsilon", "backlash_tolerance")
 """Values of a wheel that it need not have."""
-OF_MODEL = ("beta", "gamma", "gap", "mass", "ratio", "tolerance", "epsilon")
+OF_MODEL = ("beta", "gamma", "gap", "mass", "ratio", "tolerance", "epsilon", "stiffness")
 """Values of a `rattle.scene.Wheel`, dimensionless."""
 WHEEL_VALUE = re.compile(
     rf"(?:wheel\.([^.]+)\.)?({'|'.join(dict.fromkeys((*WHEEL_KINDS, *OPTIONAL_KINDS, *OF_MODEL)))})"

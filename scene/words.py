@@ -23,7 +23,7 @@ class Words:
             return text
         longest_first = sorted(self.changes, key=len, reverse=True)
         phrases = "|".join(map(re.escape, longest_first))
-        pattern = rf"`[^`]*`|\([\w-]+\)|\b(?:{phrases})\b"
+        pattern = rf"`[^`]*`|\([\w-]+\)|\b(?:{phrases})\b(?!\.\w)"
         return re.sub(pattern, lambda match: self.changes.get(match[0], match[0]), text)
 
 

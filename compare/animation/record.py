@@ -90,8 +90,7 @@ def check_recording(scene: Scene, periods: int | None, impacts: int | None, seed
     if scene.bodies:
         why = (
             "an animation draws gear wheels; the motion of bodies is drawn by"
-            " rattle.scene.orbit.follow(scene, impacts=12).plot(), and rattle simulate has its"
-            " moments"
+            " rattle.follow(scene, impacts=12).plot(), and rattle simulate has its moments"
         )
         raise InputError("scene", scene.wheel_names, why)
     if not is_random(scene):
