@@ -22,9 +22,15 @@ class Words:
         if not self.changes or " " not in text:
             return text
         longest_first = sorted(self.changes, key=len, reverse=True)
-        phrases = "|".join(map(re.escape, longest_first))
+        # a template may break a line between two words
+        phrases = "|".join(longest_first).replace(" ", r"\s+")
         pattern = rf"`[^`]*`|\([\w-]+\)|\b(?:{phrases})\b(?!\.\w)"
-        return re.sub(pattern, lambda match: self.changes.get(match[0], match[0]), text)
+
+        def put(match: re.Match[str]) -> str:
+            phrase = " ".join(match[0].split())
+            return self.changes.get(phrase, match[0])
+
+        return re.sub(pattern, put, text)
 
 
 PAIR = Words()
@@ -58,6 +64,7 @@ CHANGES = {
     "teeth are pressed shut so firmly": "a contact is pressed shut so firmly",
     "teeth that are pressed shut": "contacts that are pressed shut",
     "its teeth are": "it is",
+    "they open": "it opens",
     "teeth": "contacts",
     "gear set": "system",
     "gear sets": "systems",

@@ -36,17 +36,20 @@ class Report:
     large: "Mapping[str, pd.DataFrame]" = field(default_factory=dict)  # written as Parquet
     digits: str | None = None  # of numbers in CSV; all of them if not given
     template: str = ""  # path within `rattle.compare`
+    spoken: Words | None = None  # those of the scene; by default of the one in the manifest
     more: Mapping[str, str] = field(default_factory=dict)  # further facts on where it comes from
 
     def put_into_words(self, text: str) -> str:
         """A text in the words of the scene that the page is about, if it is about one."""
-        return self._spoken.put_into(text)
+        return self._words_of_scene.put_into(text)
 
     @cached_property
-    def _spoken(self) -> Words:
+    def _words_of_scene(self) -> Words:
         """What the scene calls its parts."""
         scene = self.record.get("scene")
-        return Scene.from_dict(scene).words if scene else PAIR
+        if self.spoken is not None or not scene:
+            return self.spoken or PAIR
+        return Scene.from_dict(scene).words
 
     @property
     def repeat(self) -> str:

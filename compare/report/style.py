@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 from matplotlib.text import Text
-from matplotlib.ticker import FixedFormatter, LogLocator, MaxNLocator, NullFormatter
+from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
 
 from rattle.closure import CLOSURES
 from rattle.scene import state_names
@@ -136,11 +136,6 @@ def caption_of(figure: Figure, parts: Iterable[tuple[str, str]]) -> str:
 def render(figure: Figure, put: Callable[[str], str] = str) -> bytes:
     """Draw a figure as SVG, its texts in other words; equal figures give equal files."""
     drawn = BytesIO()
-    for ax in figure.axes:
-        for axis in (ax.xaxis, ax.yaxis):
-            names = axis.get_major_formatter()
-            if isinstance(names, FixedFormatter):
-                names.seq = [put(name) for name in names.seq]
     for text in figure.findobj(Text):
         text.set_text(put(text.get_text()))
     with mpl.rc_context(FIGURE_SETTINGS):
