@@ -284,7 +284,9 @@ def markdown(report: Report, folder: Path) -> str:
     """A page as Markdown; the figures are linked, and the files beside it."""
     linked = data_files(folder)
     filters = {
-        "cell": lambda text: as_markdown(report.put_into_words(text), files=linked, cell=True),
+        "cell": lambda text: as_markdown(
+            report.words_of_scene.put_into(text), files=linked, cell=True
+        ),
         "line": line,
         "block": as_block,
         "address": as_address,
@@ -296,7 +298,7 @@ def markdown(report: Report, folder: Path) -> str:
 def html(report: Report, folder: Path) -> str:
     """A page as one HTML file that needs no other; figures are embedded, and table files in the
     folder are linked."""
-    put = report.put_into_words
+    put = report.words_of_scene.put_into
     terms = Terms([(put(term), put(meaning)) for term, meaning in report.words])
     plain = partial(as_html, files=data_files(folder))
     filters = {
@@ -323,7 +325,9 @@ def _render(
 
     `kind`: The format, ``md`` or ``html``. `write`: Makes a text one of the format.
     """
-    environment = make_environment(_unless_made(lambda text: write(report.put_into_words(text))))
+    environment = make_environment(
+        _unless_made(lambda text: write(report.words_of_scene.put_into(text)))
+    )
     environment.filters |= {**filters, "columns": Table.of_frame, "table_of": Table.whole}
     environment.tests["drawn"] = lambda path: (folder / path).is_file()
     shared = {"words": report.words, "contents": Contents(), "number": of_numbers, "text": of_text}

@@ -39,13 +39,9 @@ class Report:
     spoken: Words | None = None  # those of the scene; by default of the one in the manifest
     more: Mapping[str, str] = field(default_factory=dict)  # further facts on where it comes from
 
-    def put_into_words(self, text: str) -> str:
-        """A text in the words of the scene that the page is about, if it is about one."""
-        return self._words_of_scene.put_into(text)
-
     @cached_property
-    def _words_of_scene(self) -> Words:
-        """What the scene calls its parts."""
+    def words_of_scene(self) -> Words:
+        """What the scene that the page is about calls its parts."""
         scene = self.record.get("scene")
         if self.spoken is not None or not scene:
             return self.spoken or PAIR

@@ -1,6 +1,6 @@
 """Common style of all figures: colours, markers, symbols, legends, and reproducible SVG files."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from importlib.resources import files
 from io import BytesIO
 from typing import Any
@@ -18,6 +18,7 @@ from rattle.scene import state_names
 from rattle.scene.changes import unit_of_value, words_of_value
 from rattle.scene.plot import ShownFigure
 from rattle.scene.types import MOST_WHEELS
+from rattle.scene.words import PAIR, Words
 
 OWN_COLORS = ("#882255", "#332288", "#999933", "#117733", "#AA4499", "#661100")
 OWN_MARKERS = "P*Xhp8"
@@ -133,11 +134,12 @@ def caption_of(figure: Figure, parts: Iterable[tuple[str, str]]) -> str:
     )
 
 
-def render(figure: Figure, put: Callable[[str], str] = str) -> bytes:
-    """Draw a figure as SVG, its texts in other words; equal figures give equal files."""
+def render(figure: Figure, words: Words = PAIR) -> bytes:
+    """Draw a figure as SVG, its texts in the words of a scene; equal figures give equal files."""
     drawn = BytesIO()
-    for text in figure.findobj(Text):
-        text.set_text(put(text.get_text()))
+    # looking for the texts makes the ticks, which nothing else may change
+    for text in figure.findobj(Text) if words.changes else ():
+        text.set_text(words.put_into(text.get_text()))
     with mpl.rc_context(FIGURE_SETTINGS):
         figure.savefig(drawn, format="svg", metadata={"Date": None})
     return drawn.getvalue()
