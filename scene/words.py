@@ -68,7 +68,6 @@ CHANGES = {
     "teeth": "contacts",
     "gear set": "system",
     "gear sets": "systems",
-    "gears": "system",
     "of the same gears": "of the same system",
     "driver and wheel 1": "driver and body 1",
     "backlashes": "gaps",
