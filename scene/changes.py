@@ -45,6 +45,7 @@ WHEEL_WORDS = {
     "damping": "damping of wheel {}",
     "torque": "drag torque on wheel {}",
     "epsilon": "restitution at mesh {}",
+    "stiffness": "stiffness of the spring of wheel {}",
 }
 VALUE_WORDS = {
     "alpha": "excitation amplitude",
@@ -106,17 +107,26 @@ def parameter_names(scene: Scene) -> list[str]:
     gears as they were typed, or of the model where it has none."""
     gears = scene.gears
     if gears is None:
-        parts = ("tolerance.", "start.")
-        return [name for name in numbers_of(scene) if not name.startswith(parts)]
-    left_out = {
+        left_out = ["tolerance.", "start."]
+        if scene.bodies and scene.stages == 1:
+            # of what is alone the mass is the unit, the ratio is alpha, and one restitution counts
+            body = f"wheel.{scene.wheel_names[0]}"
+            shared = scene.wheels[0].epsilon is None if scene.wheels else True
+            left_out += [
+                f"{body}.mass",
+                f"{body}.ratio",
+                f"{body}.epsilon" if shared else "epsilon",
+            ]
+        return [name for name in numbers_of(scene) if not name.startswith(tuple(left_out))]
+    unused = {
         gears.name_of(number, "epsilon")
         for number, wheel in enumerate(gears.wheels, 1)
         if wheel.epsilon is None
     }
     if scene.stages == 1:
-        left_out |= {name for name in NUMBERED if name[-1] == "2"}
-    left_out |= set(DRIVES)
-    others = [name for name in values_of(gears) if name not in left_out]
+        unused |= {name for name in NUMBERED if name[-1] == "2"}
+    unused |= set(DRIVES)
+    others = [name for name in values_of(gears) if name not in unused]
     return ["amplitude", *others, "sigma", "correlation_time"]
 
 

@@ -38,6 +38,9 @@ IRREGULAR = "irregular"
 LONGEST_CYCLE = 64  # periods of the excitation
 TRIES = (400, 4000, 30_000)  # impacts after which a period is looked for
 SAME_STATE = 1e-8  # difference of states, relative to the largest, up to which they are the same
+DECAYED = (
+    1e-12  # displacements and speeds below which a motion is at rest in the middle of its gaps
+)
 # phases at which states are compared: at one of them an impact may be due
 INSTANTS = (0.0, 1.0, 2.5, 4.5)
 GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
@@ -170,7 +173,7 @@ def _repeats(orbit: Orbit, end: float, periods: int) -> bool:
     same = 0
     for instant in INSTANTS:
         last, one, two = (orbit.state(end - instant - k * periods * PERIOD) for k in range(3))
-        allowed = SAME_STATE * max(np.abs(last).max(), 1e-12)
+        allowed = SAME_STATE * max(np.abs(last).max(), DECAYED)
         same += bool(max(np.abs(last - one).max(), np.abs(one - two).max()) <= allowed)
     return same >= len(INSTANTS) - 1
 
@@ -191,6 +194,9 @@ def attractor(scene: Scene, start: int = 0) -> Attractor:
         if orbit.stopped:
             return _end(orbit)
         end = float(orbit.tau[orbit.found])
+        if np.abs(orbit.state(end)).max() < DECAYED:
+            words = f"comes to rest for good: its motion decays (after impact {orbit.found})"
+            return _none(REST_FOR_GOOD, words, (0.0,) * own.stages)
         for periods in range(1, LONGEST_CYCLE + 1):
             if end - own.phase < 4.0 * periods * PERIOD:
                 break
@@ -233,6 +239,7 @@ def _cycle(orbit: Orbit, end: float, periods: int) -> Attractor:
         closed[phase.mesh - 1] += max(min(phase.opened, end - 0.5) - max(phase.closed, begin), 0.0)
     contact = tuple((closed / (periods * PERIOD)).tolist())
     length = "the period" if periods == 1 else f"{periods} periods"
-    reason = f"is periodic with {length} of the excitation and {last - first} impacts"
+    impacts = "1 impact" if last - first == 1 else f"{last - first} impacts"
+    reason = f"is periodic with {length} of the excitation and {impacts}"
     reason += ", closed at times" if max(contact) > 0.0 else ""
     return Attractor(PERIODIC, reason, periods, *Impacts.of(orbit, part), contact)

@@ -65,6 +65,8 @@ def plot_orbit(
     `before` (impacts, 2 wheels); `sticking` as `rattle.scene.orbit.StickingPhase`.
     """
     figure = ShownFigure(figsize=(7.0, 0.6 + 1.8 * c.wheels.size), layout="constrained")
+    # a wall that stands alone has no backlash
+    unit = " in backlash1" if np.isfinite(c.wheels["low"]).all() else ""
     panels = figure.subplots(c.wheels.size, 1, sharex=True, squeeze=False)[:, 0]
     for i, (ax, wall) in enumerate(zip(panels, c.wheels["wall"], strict=True)):
         here = np.flatnonzero(mesh == i + 1)
@@ -75,18 +77,18 @@ def plot_orbit(
             "o",
             color="#D55E00",
             ms=4,
-            label=f"impact at mesh {i + 1}",
+            label="impact",
         )
         for flank in (wall, -c.wheels["low"][i]):
             if np.isfinite(flank):
                 ax.axhline(flank, color="0.4", lw=1.0)
         phases = [(a, b) for stuck, _, a, b, _ in sticking if stuck == i + 1 and a < times[-1]]
         for number, (closed, opened) in enumerate(phases):
-            label = "_" * (number > 0) + f"mesh {i + 1} sticks"
+            label = "_" * (number > 0) + "sticks to the wall"
             ax.axvspan(
                 closed, min(opened, times[-1]), color="#E69F00", alpha=0.3, lw=0, label=label
             )
-        ax.set_ylabel(f"$x_{i + 1}$ in backlash1")
+        ax.set_ylabel(f"$x_{i + 1}$" + unit)
         ax.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, frameon=False)
     panels[-1].set_xlabel(r"time $\tau = \omega t$")
     return figure

@@ -33,6 +33,7 @@ from rattle.scene.parts import (
 )
 from rattle.scene.text import as_call, as_html
 from rattle.scene.types import SINE, WHEEL, Constants, Floats, Orders, Wheels
+from rattle.scene.words import BODIES, GEARBOX, PAIR, Words
 
 Times = TypeVar("Times", float, Floats)
 Part = TypeVar("Part")
@@ -121,6 +122,9 @@ class Scene:
         ``beta1, gamma1, beta2, gamma2, mu, gap1, gap2``.  `epsilon` is then that of the wheels
         that have none of their own, and is not needed where all have.  One or two wheels in a row
         become the short form.
+    bodies : bool
+        Whether answers and pages call the wheels bodies, and their meshes contacts; they do so by
+        themselves where the scene cannot be gears.
     gears : Gears, optional
         The physical gears that the scene was made from, by `from_gears`; None once a value that
         gears fix is another.
@@ -161,6 +165,7 @@ class Scene:
     correlation_time: float = 0.0
     noise: str | int = DRIVE_NOISE
     wheels: tuple[Wheel, ...] = ()
+    bodies: bool = False
     gears: Gears | None = field(default=None, compare=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -200,6 +205,7 @@ class Scene:
             _ = wheel.law  # refuses one that does not fit its epsilon
         self._check_noise()
         self._check_tolerance()
+        object.__setattr__(self, "bodies", bool(self.bodies) or not self.is_gears)
         if self.start is None:
             object.__setattr__(self, "start", self._default_start)
         self._check_start()
@@ -220,6 +226,7 @@ class Scene:
         shown = {f.name: getattr(self, f.name) for f in fields(self) if f.repr}
         defaults: dict[str, Any] = {f.name: f.default for f in fields(self)}
         defaults["start"] = self._default_start
+        defaults["bodies"] = not self.is_gears
         if self.wheels:
             defaults |= {"stages": self.stages} | SHORT
         shown = {
@@ -395,6 +402,20 @@ class Scene:
         of the drive."""
         free = not any(wheel.one_sided or wheel.stiffness for wheel in self.tree)
         return free and not self.noisy_wheel
+
+    @property
+    def words(self) -> Words:
+        """What its parts are called in answers, pages and figures.
+
+        Examples
+        --------
+        >>> ball = Wheel(gamma=1.0, one_sided=True, name="ball")
+        >>> Scene(alpha=0.0, epsilon=0.8, wheels=[ball]).words.mesh
+        'contact'
+        """
+        if self.bodies:
+            return BODIES
+        return PAIR if self.stages <= 2 else GEARBOX
 
     @property
     def wheel_names(self) -> tuple[str, ...]:
@@ -808,6 +829,8 @@ class Scene:
                 del values[name]
         if self.noise == DRIVE_NOISE:
             del values["noise"]
+        if self.bodies is not self.is_gears:  # as it is without being said
+            del values["bodies"]
         drive = {} if self.drive == SINE_ALONE else {"drive": [asdict(one) for one in self.drive]}
         if self.gears is None:
             bodies = {} if self.is_gears else {"body": values.pop("wheels")}
@@ -859,7 +882,7 @@ class Scene:
             if "gears" in data or "wheels" in settings:
                 why = "stands in place of [gears] and [[scene.wheels]]; leave out one of them"
                 raise InputError("body", data["body"], why)
-            settings.setdefault("alpha", 0.0)
+            settings = {"alpha": 0.0, "bodies": True} | settings
             settings["wheels"] = data["body"]
         if "wheels" in settings:
             place = "body" if "body" in data else "scene.wheels"

@@ -114,6 +114,7 @@ class Assessment(Finding):
         table = self.table
         return render_sentences(
             "assess/answer.j2",
+            self.scene.words,
             found=self,
             opened=[t for t in self.thresholds if t.opens],
             table=table.to_dict("index"),

@@ -18,7 +18,8 @@ def threshold_figure(scene: Scene, thresholds: tuple[RattleThreshold, ...]) -> F
         ends = place - 0.35, place + 0.35
         line = ax.vlines(threshold.least, *ends, color="0.2", lw=2.0)
     line.set_label("threshold: closed teeth stay closed right of it")
-    ax.set_yticks(places, [f"wheel {wheel_label(scene, t.wheel)}" for t in thresholds])
+    labels = [f"{scene.words.wheel} {wheel_label(scene, t.wheel)}" for t in thresholds]
+    ax.set_yticks(places, labels)
     ax.invert_yaxis()
     unit = thresholds[0].unit
     ax.set_xlabel(f"drag torque ({unit})" if unit else "drag γ")

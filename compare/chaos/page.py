@@ -117,6 +117,7 @@ def answer(study: ChaosStudy, tables: dict[str, pd.DataFrame]) -> list[str]:
         names_by_reason.setdefault(reason, []).append(name)
     sentences = render_sentences(
         "chaos/answer.j2",
+        study.scene.words,
         study=study,
         maps=_records(study.maps),
         sizes=_records(study.finite_size),

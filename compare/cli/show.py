@@ -100,9 +100,22 @@ def animate(
     say(f"Animation: {out} ({out.stat().st_size / 1e3:.0f} kB): {shown.sentence}")
 
 
-def template(name: str, wheels: int | None = None) -> str:
-    """Text of a scene file: DAT21's pair, or a shaft and the loose wheels that it drives."""
+SYSTEMS = {
+    "ball": "a ball on a shaking table",
+    "oscillator": "an impact oscillator",
+    "pair": "an impact pair",
+}
+"""Systems beyond gears of which there is a file to start from, which is one of examples/."""
+
+
+def template(name: str, wheels: int | None = None, system: str | None = None) -> str:
+    """Text of a scene file: DAT21's pair, a shaft and the loose wheels that it drives, or another
+    system."""
     folder = files("rattle.compare.cli").joinpath("templates")
+    if system is not None:
+        example = "impact-pair" if system == "pair" else system
+        text = folder.joinpath(f"{system}.toml").read_text(encoding="utf-8")
+        return text.replace(f"{example}.toml", line(name))
     texts = {
         part: folder.joinpath(f"{part}.toml").read_text(encoding="utf-8")
         for part in ("gears", "gearbox", "wheel")
@@ -130,28 +143,34 @@ def template(name: str, wheels: int | None = None) -> str:
 @click.command()
 @click.argument("file", type=shared.FILE_PATH, default=Path("gears.toml"))
 @shared.whole("wheels", None, "Loose wheels: a gearbox in place of the pair; 1 to 32.")
-def init(file: Path, wheels: int | None) -> None:
+@shared.name_option("system", list(SYSTEMS), "No gears: another system with impacts.")
+def init(file: Path, wheels: int | None, system: str | None) -> None:
     """Write a scene file to start from, with comments.
 
-    Every key has its unit, its meaning and a value: those of DAT21, or with --wheels those of a
-    made-up gearbox. FILE is gears.toml if none is given; an existing file is never replaced.
+    Every key has its unit, its meaning and a value: those of DAT21, with --wheels those of a
+    made-up gearbox, with --system those of a ball, an oscillator or an impact pair. FILE is
+    gears.toml if none is given; an existing file is never replaced.
 
     Exit codes: 0 written; 2 not.
     """
     if wheels is not None:
         count("wheels", wheels, most=MOST_WHEELS)
-    text = template(file.name, wheels)
+    if wheels is not None and system is not None:
+        raise InputError("wheels", wheels, "goes without --system; give one of them")
+    text = template(file.name, wheels, system)
     try:
         with file.open("x", encoding="utf-8") as new:
             new.write(text)
     except FileExistsError:
         raise OutputError(f"{file}: exists already; give another name") from None
-    first = f"rattle simulate {file} --paths 10000 --units physical"
-    what = "a gear pair" if wheels is None else "a gearbox"
-    say(
-        f"{file}: {what} to change; then: rattle stationary {file}; the first impacts, in"
-        f" seconds: {first}"
-    )
+    first = f"rattle simulate {file} --paths 10000"
+    if system is not None:
+        what = SYSTEMS[system]
+        impacts = f"the first impacts: {first}"
+    else:
+        what = "a gear pair" if wheels is None else "a gearbox"
+        impacts = f"the first impacts, in seconds: {first} --units physical"
+    say(f"{file}: {what} to change; then: rattle stationary {file}; {impacts}")
 
 
 @click.command()

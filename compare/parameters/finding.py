@@ -49,6 +49,7 @@ class AlongParameter(Finding):
         points = self.points.to_dict("records")
         return render_sentences(
             "parameters/search_answer.j2",
+            self.scene.words,
             found=self,
             points=points,
             budget_ended=BUDGET_ENDED,

@@ -130,6 +130,7 @@ class BoundaryMap(Finding):
         along = edges["along"]
         return render_sentences(
             "parameters/map_answer.j2",
+            self.scene.words,
             found=self,
             edges=edges.sort_values("accurate").to_dict("records"),
             rest=curve[~has_edge].to_dict("records"),

@@ -96,6 +96,7 @@ class ClosureSensitivity(Finding):
         number = rows["verdict"].value_counts()
         return render_sentences(
             "parameters/of_closure_answer.j2",
+            self.scene.words,
             found=self,
             change=PERCENT,
             counts={verdict: number.get(verdict, 0) for verdict in JUDGED},

@@ -122,6 +122,7 @@ class Sensitivity(Finding):
         strongest = effects["effect"].abs().groupby(effects["quantity"], sort=False).idxmax()
         return render_sentences(
             "parameters/sensitivity_answer.j2",
+            self.scene.words,
             strongest=effects.loc[strongest].to_dict("records"),
             values=self.values,
             said=self.said,

@@ -95,6 +95,7 @@ class RunUp(Finding):
             changes = whole[whole["differs"]]
         return render_sentences(
             "ramp/answer.j2",
+            self.scene.words,
             found=self,
             most=most,
             at_most=at_most.to_dict("index"),

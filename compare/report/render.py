@@ -23,8 +23,9 @@ from rattle.compare.report.folder import page_files
 from rattle.compare.report.report import Report
 from rattle.compare.report.table import Table, of_numbers, of_text
 from rattle.scene import harmless, line
+from rattle.scene.words import PAIR, Words
 
-Words: TypeAlias = Callable[[str, bool], Markup]
+Mark: TypeAlias = Callable[[str, bool], Markup]
 CODE = re.compile(r"`([^`\n]+)`")
 BLOCK_MARKS = (
     (r"^([#>+=-])", r"\\\1"),
@@ -41,7 +42,7 @@ def split_code(text: str) -> list[tuple[str, bool]]:
 
 
 def as_html(
-    text: str, files: Collection[str] = (), words: Words = lambda piece, _: escape(piece)
+    text: str, files: Collection[str] = (), words: Mark = lambda piece, _: escape(piece)
 ) -> Markup:
     """A text as HTML: what stands between backticks as ``<code>``, and as a link if it is one of
     the files.
@@ -214,9 +215,10 @@ def render_text(template: str, **values: Any) -> str:
     return _text_environment().get_template(template).render(values)
 
 
-def render_sentences(template: str, **values: Any) -> list[str]:
-    """The sentences of an answer; in its template an empty line stands between two of them."""
-    text = render_text(template, **values)
+def render_sentences(template: str, words: Words = PAIR, **values: Any) -> list[str]:
+    """The sentences of an answer in the words of its scene; in its template an empty line stands
+    between two of them."""
+    text = words.put_into(render_text(template, **values))
     return [line(sentence) for sentence in re.split(r"\n\s*\n", text) if sentence.strip()]
 
 
@@ -282,7 +284,9 @@ def markdown(report: Report, folder: Path) -> str:
     """A page as Markdown; the figures are linked, and the files beside it."""
     linked = data_files(folder)
     filters = {
-        "cell": partial(as_markdown, files=linked, cell=True),
+        "cell": lambda text: as_markdown(
+            report.words_of_scene.put_into(text), files=linked, cell=True
+        ),
         "line": line,
         "block": as_block,
         "address": as_address,
@@ -294,12 +298,13 @@ def markdown(report: Report, folder: Path) -> str:
 def html(report: Report, folder: Path) -> str:
     """A page as one HTML file that needs no other; figures are embedded, and table files in the
     folder are linked."""
-    terms = Terms(report.words)
+    put = report.words_of_scene.put_into
+    terms = Terms([(put(term), put(meaning)) for term, meaning in report.words])
     plain = partial(as_html, files=data_files(folder))
     filters = {
-        "explained": partial(plain, words=terms.text),
-        "head": lambda head: terms.head(head, plain(head)),
-        "cell": lambda cell: terms.cell(cell.text, plain(cell.display)),
+        "explained": lambda text: plain(put(text), words=terms.text),
+        "head": lambda head: terms.head(head, plain(put(head))),
+        "cell": lambda cell: terms.cell(cell.text, plain(put(cell.display))),
         "literal": lambda value: escape(line(value)),
         "block": lambda value: escape(harmless(value).rstrip()),
         "embed": lambda path: _data_address(folder / path),
@@ -320,7 +325,9 @@ def _render(
 
     `kind`: The format, ``md`` or ``html``. `write`: Makes a text one of the format.
     """
-    environment = make_environment(_unless_made(write))
+    environment = make_environment(
+        _unless_made(lambda text: write(report.words_of_scene.put_into(text)))
+    )
     environment.filters |= {**filters, "columns": Table.of_frame, "table_of": Table.whole}
     environment.tests["drawn"] = lambda path: (folder / path).is_file()
     shared = {"words": report.words, "contents": Contents(), "number": of_numbers, "text": of_text}

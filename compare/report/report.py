@@ -3,9 +3,11 @@ manifest."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 from rattle.scene import Scene
+from rattle.scene.words import PAIR, Words
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -34,7 +36,16 @@ class Report:
     large: "Mapping[str, pd.DataFrame]" = field(default_factory=dict)  # written as Parquet
     digits: str | None = None  # of numbers in CSV; all of them if not given
     template: str = ""  # path within `rattle.compare`
+    spoken: Words | None = None  # those of the scene; by default of the one in the manifest
     more: Mapping[str, str] = field(default_factory=dict)  # further facts on where it comes from
+
+    @cached_property
+    def words_of_scene(self) -> Words:
+        """What the scene that the page is about calls its parts."""
+        scene = self.record.get("scene")
+        if self.spoken is not None or not scene:
+            return self.spoken or PAIR
+        return Scene.from_dict(scene).words
 
     @property
     def repeat(self) -> str:

@@ -47,7 +47,7 @@ def write_files(folder: Path, report: Report, digests: Sequence[str] = ()) -> Fa
     """
     for label, figure in report.figures.items():
         (folder / label).parent.mkdir(exist_ok=True)
-        drawn = figure if isinstance(figure, bytes) else style.render(figure)
+        drawn = figure if isinstance(figure, bytes) else style.render(figure, report.words_of_scene)
         (folder / f"{label}.svg").write_bytes(drawn)
     for label, table in report.large.items():
         table.to_parquet(folder / f"{label}.parquet", index=False, compression="zstd")

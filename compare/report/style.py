@@ -10,6 +10,7 @@ from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.figure import Figure
+from matplotlib.text import Text
 from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
 
 from rattle.closure import CLOSURES
@@ -17,6 +18,7 @@ from rattle.scene import state_names
 from rattle.scene.changes import unit_of_value, words_of_value
 from rattle.scene.plot import ShownFigure
 from rattle.scene.types import MOST_WHEELS
+from rattle.scene.words import PAIR, Words
 
 OWN_COLORS = ("#882255", "#332288", "#999933", "#117733", "#AA4499", "#661100")
 OWN_MARKERS = "P*Xhp8"
@@ -132,9 +134,12 @@ def caption_of(figure: Figure, parts: Iterable[tuple[str, str]]) -> str:
     )
 
 
-def render(figure: Figure) -> bytes:
-    """Draw a figure as SVG; equal figures give equal files."""
+def render(figure: Figure, words: Words = PAIR) -> bytes:
+    """Draw a figure as SVG, its texts in the words of a scene; equal figures give equal files."""
     drawn = BytesIO()
+    # looking for the texts makes the ticks, which nothing else may change
+    for text in figure.findobj(Text) if words.changes else ():
+        text.set_text(words.put_into(text.get_text()))
     with mpl.rc_context(FIGURE_SETTINGS):
         figure.savefig(drawn, format="svg", metadata={"Date": None})
     return drawn.getvalue()

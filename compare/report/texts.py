@@ -39,10 +39,15 @@ def name_wheels(scene: Scene) -> list[str]:
     for the short form of one or two wheels."""
     if not scene.wheels:
         return []
+    if scene.bodies and scene.stages == 1:
+        return [f"x1 and y1 are displacement and velocity of the body {scene.wheel_names[0]}."]
     meshes = ", ".join(
         f"{wheel_label(scene, number)} with {wheel.parent or 'the driver'}"
         for number, wheel in enumerate(scene.tree, 1)
     )
+    if scene.bodies:
+        strikes = meshes.replace(" with ", " strikes ")
+        return [f"Body {strikes}. Contact 1, x1 and y1 are those of body 1, and so on."]
     meshes = meshes.replace(" with ", " meshes with ", 1)
     return [f"Wheel {meshes}. Mesh and stage 1, x1 and y1 are those of wheel 1, and so on."]
 

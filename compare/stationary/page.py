@@ -132,6 +132,7 @@ def answer(found: Stationary) -> list[str]:
     closures = verdicts.groupby("closure", sort=False) if len(verdicts) else ()
     return render_sentences(
         "stationary/answer.j2",
+        found.scene.words,
         found=found,
         thresholds=rattle_threshold(found.scene),
         label=label,

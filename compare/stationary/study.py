@@ -378,6 +378,7 @@ def answer(r: LongTables) -> list[str]:
         ]
     return render_sentences(
         "stationary/study_answer.j2",
+        r.study.scene.words,
         r=r,
         ends={
             name: rows.iloc[[0, -1]].to_dict("records")

@@ -307,6 +307,7 @@ def _write(folder: Path, tables: Any, seconds: Mapping[str, float], facts: Facts
         large={name: getattr(tables, name) for name in kind.TABLES},
         digits="%.9g",
         template=page.TEMPLATE,
+        spoken=study.scene.words,
         more={"rows": "`rattle.load_study(FOLDER)` loads every one"},
     )
     return write_files(folder, report, digests=files_of(study))

@@ -105,7 +105,9 @@ def order_figure(changes: pd.DataFrame) -> Figure:
 
 
 def _changes(ax: Axes, changes: pd.DataFrame) -> None:
-    """A line for each quantity with its intervals, and slope 1 through the largest change."""
+    """A line for each quantity with its intervals, and slope 1 through the largest change; what
+    does not change, or is not known at all, has no place on a logarithmic axis."""
+    changes = changes[(changes["change"] > 0.0) & np.isfinite(changes["high"])]
     ax.set_xscale("log", base=2)
     ax.set_yscale("log")
     for quantity, rows in changes.groupby("quantity", sort=False):

@@ -82,6 +82,7 @@ def answer(m: Tradeoff, costs: Costs) -> list[str]:
 
     return render_sentences(
         "tradeoff/answer.j2",
+        m.reference.scene.words,
         m=m,
         costs=costs,
         takes=[

@@ -251,6 +251,7 @@ def answer(validations: Sequence[Comparison], swept: Sweep | None = None) -> lis
         names=name_all,
         join=join_words,
         label=partial(wheel_label, first.scene),
+        words=first.scene.words,
     )
     speed = comparison.measure_speeds(validations)
     over = swept.speed if swept else None
@@ -259,7 +260,7 @@ def answer(validations: Sequence[Comparison], swept: Sweep | None = None) -> lis
     transient = describe_transient(first.scene)
     return [
         *([transient] if transient else []),
-        advice(validity, impacts, speed, "gear pair" if first.scene.stages <= 2 else "gearbox"),
+        advice(validity, impacts, speed, first.scene.words.system),
         *([validity_sentence(swept.validity, impacts)] if swept else []),
         *itinerary_sentence(swept.validity if swept else validity, impacts),
         cost_sentence(costs, speed, impacts, duration_words(first), over),

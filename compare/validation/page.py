@@ -217,6 +217,7 @@ def write_report(
         tables=frames,
         large=large,
         template="validation/page.j2",
+        spoken=first.scene.words,
         more={f"`{name}.csv`": f"sha256 {digest}" for name, digest in digests.items()},
     )
     save(out, report, overwrite)

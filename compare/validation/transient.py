@@ -29,8 +29,10 @@ def describe_transient(scene: Scene) -> str:
     shares = [share for wheel in closed if (share := end.contact[wheel.wheel - 1]) > 0.0]
     (sentence,) = render_sentences(
         "validation/transient.j2",
+        scene.words,
         closed=closed,
-        dragged=[wheel for wheel in closed if wheel.least > 0.0],
+        # nothing else can hold what is alone
+        dragged=[wheel for wheel in closed if wheel.least > 0.0 or len(wheels) == 1],
         rests=rests,
         noisy=scene.sigma > 0.0,
         gears=scene.gears,

@@ -5,11 +5,14 @@ import math
 import re
 import tomllib
 from dataclasses import fields
+from pathlib import Path
 
 import pytest
 from commands import rattle
 
 from rattle import DAT21, Gears, Scene, Start, Tolerance, rattle_threshold
+
+EXAMPLES = Path(__file__).parents[3] / "examples"
 
 
 @pytest.fixture
@@ -36,6 +39,7 @@ def test_it_has_every_key(file):
     text = file.read_text()
     tables = {"gears", "start", "tolerance", "drive"}
     of_more = {"wheels", "state"}  # of more than two wheels
+    of_more |= {"noise", "bodies"}  # of what is no gears
     keys = {field.name for kind in (Gears, Scene, Start, Tolerance) for field in fields(kind)}
     assert not [key for key in keys - tables - of_more if f"{key} = " not in text]
     assert "[[drive]]" in text
@@ -95,3 +99,25 @@ def test_a_gearbox_loads_and_has_every_key_of_a_wheel(tmp_path):
     assert not [field.name for field in fields(Gears.Wheel) if f"{field.name} = " not in text]
     done = rattle(f"init {tmp_path / 'box33.toml'} --wheels 33", code=2)
     assert "wheels = 33: must be at most 32" in done.output
+
+
+@pytest.mark.parametrize(("system", "body"), [("ball", 1), ("oscillator", 1), ("pair", 0)])
+def test_another_system_loads_simulates_and_is_an_example(system, body, tmp_path):
+    file = tmp_path / "mine.toml"
+    said = rattle(f"init {file} --system {system}").output
+    assert "mine.toml --paths 10000" in said
+    scene = Scene.load(file)
+    assert (scene.bodies, scene.noisy_wheel) == (True, body)
+    run = rattle(f"simulate {file} --paths 100 --impacts 2").output
+    assert "of the body" in run
+    assert not re.search(r"wheel|gear|teeth", run)
+    name = "impact-pair" if system == "pair" else system
+    example = (EXAMPLES / f"{name}.toml").read_text()
+    assert file.read_text() == example.replace(f"{name}.toml", "mine.toml")
+
+
+@pytest.mark.parametrize("words", ["--system bal", "--system ball --wheels 2"])
+def test_a_wrong_system_is_refused(words, tmp_path):
+    said = rattle(f"init {tmp_path / 'mine.toml'} {words}", code=2).output
+    assert "did you mean 'ball'" in said or "give one of them" in said
+    assert not list(tmp_path.iterdir())

@@ -1,0 +1,84 @@
+"""What the parts of a scene are called: wheels and meshes of gears, bodies and contacts of any
+other system."""
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+
+@dataclass(frozen=True)
+class Words:
+    """What a scene calls its parts, and the changes that this makes in a text about gears."""
+
+    wheel: str = "wheel"
+    mesh: str = "mesh"
+    stage: str = "stage"
+    system: str = "gear pair"
+    changes: Mapping[str, str] = field(default_factory=dict)
+
+    def put_into(self, text: str) -> str:
+        """A text about gears in these words; code between backticks, a name between brackets and a
+        single word, which is a key, are left."""
+        if not self.changes or " " not in text:
+            return text
+        longest_first = sorted(self.changes, key=len, reverse=True)
+        # a template may break a line between two words
+        phrases = "|".join(longest_first).replace(" ", r"\s+")
+        pattern = rf"`[^`]*`|\([\w-]+\)|\b(?:{phrases})\b(?!\.\w)"
+
+        def put(match: re.Match[str]) -> str:
+            phrase = " ".join(match[0].split())
+            return self.changes.get(phrase, match[0])
+
+        return re.sub(pattern, put, text)
+
+
+PAIR = Words()
+GEARBOX = Words(system="gearbox")
+
+IN_BOTH_CASES = {
+    "closed teeth open": "a closed contact opens",
+    "closed teeth stay closed": "a closed contact stays closed",
+    "closed teeth would stay closed": "a closed contact would stay closed",
+    "wheel": "body",
+    "wheels": "bodies",
+    "mesh": "contact",
+    "meshes": "contacts",
+    "meshes with": "strikes",
+    "stage": "body",
+    "stages": "bodies",
+    "these gears": "this system",
+}
+CHANGES = {
+    "Does it rattle": "Does it keep striking",
+    "Threshold of rattle": "Threshold of impacts",
+    "does not rattle in the long run": "has no impacts in the long run",
+    "do not rattle in the long run": "have no impacts in the long run",
+    "rattles": "moves",
+    "rattle": "motion",
+    "opens closed teeth": "opens a closed contact",
+    "its closed teeth stay closed": "its closed contact stays closed",
+    "its closed teeth": "its closed contact",
+    "in which teeth bounce": "in which a body bounces",
+    "until they stay closed": "until it stays in contact",
+    "teeth are pressed shut so firmly": "a contact is pressed shut so firmly",
+    "teeth that are pressed shut": "contacts that are pressed shut",
+    "its teeth are": "it is",
+    "they open": "it opens",
+    "teeth": "contacts",
+    "gear set": "system",
+    "gear sets": "systems",
+    "of the same gears": "of the same system",
+    "driver and wheel 1": "driver and body 1",
+    "backlashes": "gaps",
+    "backlash": "gap",
+}
+BODIES = Words(
+    wheel="body",
+    mesh="contact",
+    stage="body",
+    system="system",
+    changes=CHANGES
+    | IN_BOTH_CASES
+    | {old[0].upper() + old[1:]: new[0].upper() + new[1:] for old, new in IN_BOTH_CASES.items()},
+)
