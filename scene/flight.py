@@ -305,32 +305,6 @@ def noise_rate(c: Constants, tau: float, i: int) -> float:
 
 
 @internal
-def _respond(
-    c: Constants, apart: Floats, lag: float, sine: float, cosine: float, g: Floats
-) -> None:
-    """Response of the coordinates to unit noise a lag earlier (see `noise_covariance`).
-
-    `sine` and `cosine` are of the phase at which the noise acts, or ``-f''`` and ``f'`` of several
-    orders there. Shapes: `g` (2 wheels,).
-    """
-    for i in range(c.wheels.size):
-        wheel = c.wheels[i]
-        if wheel.parent < 0 or apart[i] != 0.0:
-            p = respond(c, i, lag)
-            m = wheel.sign * wheel.turn * (wheel.beta * cosine - sine)
-            g[2 * i] = p.e * m
-            g[2 * i + 1] = p.d * m
-            continue
-        beta = c.wheels[wheel.parent].beta
-        q = pair(beta, wheel.beta, lag)
-        d = beta - wheel.beta
-        # beta_1 d1 - beta_2 d2
-        faster = d * q.d1 + wheel.beta * q.d12 if d > 0.0 else d * q.d2 + beta * q.d12
-        g[2 * i] = wheel.turn * (-cosine * q.d12 - sine * q.e12)
-        g[2 * i + 1] = wheel.turn * (cosine * faster - sine * q.d12)
-
-
-@internal
 def _respond_own(c: Constants, apart: Floats, lag: float, g: Floats) -> None:
     """Response of the coordinates to unit noise that acts on wheels themselves, a lag earlier.
 
@@ -349,26 +323,32 @@ def _respond_own(c: Constants, apart: Floats, lag: float, g: Floats) -> None:
 
 
 @internal
-def _of_own_noise(c: Constants, v: Floats, apart: Floats, t: float, panel: float) -> Floats:
-    """Covariance of unit noise that acts on wheels themselves: of a panel, doubled."""
-    not_inlined()
-    h = t
-    doublings = 0
-    while h > panel:
-        h *= 0.5
-        doublings += 1
-    size = 2 * c.wheels.size
-    q = np.zeros((size, size))
-    g = np.empty(size)
-    for n in range(NODES.size):
-        _respond_own(c, apart, h * NODES[n], g)
-        for i in range(size):
-            for j in range(size):
-                q[i, j] += h * WEIGHTS[n] * (g[i] * g[j])
-    for _ in range(doublings):
-        q = congruence(_propagate(c, v, apart, h), q) + q
-        h *= 2.0
-    return q
+def _respond(
+    c: Constants, apart: Floats, lag: float, sine: float, cosine: float, g: Floats
+) -> None:
+    """Response of the coordinates to unit noise a lag earlier (see `noise_covariance`).
+
+    `sine` and `cosine` are of the phase at which the noise acts, or ``-f''`` and ``f'`` of several
+    orders there. Shapes: `g` (2 wheels,).
+    """
+    if c.modulates == 0.0:
+        _respond_own(c, apart, lag, g)
+        return
+    for i in range(c.wheels.size):
+        wheel = c.wheels[i]
+        if wheel.parent < 0 or apart[i] != 0.0:
+            p = respond(c, i, lag)
+            m = wheel.sign * wheel.turn * (wheel.beta * cosine - sine)
+            g[2 * i] = p.e * m
+            g[2 * i + 1] = p.d * m
+            continue
+        beta = c.wheels[wheel.parent].beta
+        q = pair(beta, wheel.beta, lag)
+        d = beta - wheel.beta
+        # beta_1 d1 - beta_2 d2
+        faster = d * q.d1 + wheel.beta * q.d12 if d > 0.0 else d * q.d2 + beta * q.d12
+        g[2 * i] = wheel.turn * (-cosine * q.d12 - sine * q.e12)
+        g[2 * i + 1] = wheel.turn * (cosine * faster - sine * q.d12)
 
 
 @splice
@@ -442,8 +422,8 @@ def _over_panels(
 def _over_orders(
     c: Constants, v: Floats, apart: Floats, tau: float, t: float, panel: float
 ) -> Floats:
-    """Covariance of unit noise for a drive of several orders: whole periods by doubling, then the
-    rest of the time."""
+    """Covariance of unit noise for a drive of several orders, or of noise on a wheel itself: whole
+    periods by doubling, then the rest of the time."""
     periods = int(t / PERIOD)
     rest = t - periods * PERIOD
     out = np.zeros((2 * c.wheels.size, 2 * c.wheels.size))
@@ -468,9 +448,7 @@ def _covariance(drive: Any, c: Constants, v: Floats, apart: Floats, tau: float, 
     """Covariance of the coordinates of `noise_covariance` by unit noise."""
     fastest = fastest_rate(c)
     panel = min(PANEL, 2.0 / fastest) if fastest > 0.0 else PANEL
-    if c.modulates == 0.0:
-        return _of_own_noise(c, v, apart, t, panel)
-    if len(drive) != 0:
+    if len(drive) != 0 or c.modulates == 0.0:
         return _over_orders(c, v, apart, tau, t, min(panel, PANEL / highest_order(drive)))
     h = t
     doublings = 0
