@@ -67,10 +67,10 @@ def test_times_are_those_of_each_functions_own_work():
         return inner(x) + inner(x + 1.0)
 
     table = measure_times({"": lambda: outer(1)})
-    name = f"{__name__}.test_times_are_those_of_each_functions_own_work.<locals>."
-    assert table.loc[f"{name}outer", "signatures"] == 1
-    assert table.loc[f"{name}inner", "signatures"] == 2
-    assert (table.loc[f"{name}outer", ["typing", "LLVM"]] > 0.0).all()
+    of_outer = table.loc[f"{__name__}.{outer.py_func.__qualname__}"]
+    assert of_outer["signatures"] == 1
+    assert table.loc[f"{__name__}.{inner.__qualname__}", "signatures"] == 2
+    assert (of_outer[["typing", "LLVM"]] > 0.0).all()
 
 
 CODE = """
