@@ -113,6 +113,8 @@ def _swing(drive: Any, beta: float, stiffness: float, tau: float) -> tuple[float
         off = stiffness - j * j
         lag = beta * j
         square = off * off + lag * lag
+        if square == 0.0:
+            return 0.0, 0.0, 0.0
         of_sine = (off * by_sine + lag * by_cosine) / square
         of_cosine = (off * by_cosine - lag * by_sine) / square
         x += of_sine * sine + of_cosine * cosine

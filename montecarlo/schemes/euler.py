@@ -17,6 +17,7 @@ from rattle.montecarlo.schemes.step_state import Inside, Progress, Scratch, put_
 from rattle.montecarlo.schemes.sticking import stay, stays_open
 from rattle.montecarlo.schemes.time_scales import (
     MEMORY_REASON,
+    SPRING_REASON,
     Limit,
     least_limit,
     memory_step,
@@ -187,6 +188,8 @@ def longest_euler_step(scene: Scene) -> Limit:
     t = time_scales(scene)
     limits = {
         "a longer step makes the damping unstable": t.damping,
+        # the energy of an undamped swing grows by this share in a radian
+        SPRING_REASON: 0.1 * t.swing,
         MEMORY_REASON: memory_step(scene),
         "a longer step cannot follow the excitation": (
             2.0 * math.pi / 20.0 / highest_order(scene.constants.drive)
@@ -206,6 +209,7 @@ def trusted_euler_step(late: float, reversal: float, scene: Scene) -> Limit:
     t = time_scales(scene)
     limits = {
         "a longer step changes the spread of the damped speeds": 0.3 * t.damping,
+        SPRING_REASON: 0.01 * t.swing,
         "a longer step detects the impacts of a noisy path late": late * t.shaking,
         "a longer step misses paths that the noise returns to the wall they leave": (
             reversal * t.turning

@@ -55,6 +55,7 @@ from rattle.montecarlo.schemes.sticking import (
 )
 from rattle.montecarlo.schemes.time_scales import (
     MEMORY_REASON,
+    SPRING_REASON,
     Limit,
     least_limit,
     memory_step,
@@ -482,6 +483,7 @@ def accurate_flight(scene: Scene) -> Limit:
     limits = {
         MEMORY_REASON: memory_step(scene),
         "a longer step cannot follow the damping": 0.2 * time_scales(scene).damping,
+        SPRING_REASON: 0.2 * time_scales(scene).swing,
         "a longer step cannot follow the noise's modulation": (
             0.1 / highest_order(scene.constants.drive)
         ),

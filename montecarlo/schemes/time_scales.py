@@ -20,6 +20,7 @@ class TimeScales(NamedTuple):
     """Time scales that a step must resolve; infinite where there is no such process."""
 
     damping: float  # relaxation time of the faster damped wheel, ``1 / beta``
+    swing: float  # time of a radian of the faster wheel that a spring holds
     # time to cross the narrowest half gap at a typical speed: that of the start, or what excitation
     # and drag make of a path within one crossing
     crossing: float
@@ -59,7 +60,10 @@ def time_scales(scene: Scene) -> TimeScales:
     shaking = _over(gap, noise) ** (2.0 / 3.0)
     if shaking > damping:
         shaking = max(damping, _over(gap, noise * damping) ** 2)
-    return TimeScales(damping, _over(gap, typical), shaking, _over(_leaving(scene), noise) ** 2)
+    swing = _over(1.0, math.sqrt(float(c.wheels["stiffness"].max())))
+    return TimeScales(
+        damping, swing, _over(gap, typical), shaking, _over(_leaving(scene), noise) ** 2
+    )
 
 
 def _fall(wheel: Wheel, x: float, y: float) -> float:
@@ -75,6 +79,7 @@ def _modulation(c: Constants, beta: float) -> float:
     return math.hypot(1.0, beta) if not c.drive else most_modulation(c.drive, beta)
 
 
+SPRING_REASON = "a longer step cannot follow the spring"
 MEMORY_REASON = "a longer step cannot follow the memory of the noise"
 
 
