@@ -48,7 +48,7 @@ class Steps(NamedTuple):
     hessian: Floats
     bent: Ints  # components that are not linear
     noise: Floats  # covariances of the noise; (steps, m, m)
-    kick: Floats  # effect of white noise on the state at the impact, per root of time; (steps, d)
+    kick: Floats  # covariance that white noise adds at the impact, per unit of time; (steps, d, d)
 
 
 def section_start(scene: Scene) -> Floats:
@@ -66,15 +66,31 @@ def section_steps(c: Constants, at: Impacts, d: int) -> Steps:
     """The steps between successive impacts; d is the size of the section state."""
     first, hessian, bent = section_derivatives(c, at, d)
     flights = list(zip(at.tau[:-1], np.diff(at.tau), strict=True))
-    kick = np.zeros((len(at.tau) - 1, d))
+    common = np.zeros((len(at.tau) - 1, d))
     if c.memory:
         noise = np.array([memory.covariance(c, s, t)[0] for s, t in flights])
-        kick[:, d - 1] = 1.0 / c.memory
+        common[:, d - 1] = 1.0 / c.memory
     else:
         noise = np.array([noise_covariance(c, s, t) for s, t in flights])
         for i in range(c.wheels.size):
-            kick[:, 2 + 2 * i] = [c.sigma * noise_rate(c, s + t, i) for s, t in flights]
+            common[:, 2 + 2 * i] = [c.sigma * noise_rate(c, s + t, i) for s, t in flights]
+    kick = common[:, :, None] * common[:, None]
+    rates = slice(2, 1 + 2 * c.wheels.size, 2)
+    kick[:, rates, rates] += shaking_covariance(c)
     return Steps(first, hessian, bent, noise, kick)
+
+
+def shaking_covariance(c: Constants) -> Floats:
+    """Covariance that noises of single wheels add to the rates of the gaps, per unit of time.
+
+    Shapes: result (wheels, wheels).
+    """
+    effect = np.diag(c.wheels["alone"])  # of each noise in each gap
+    for i, wheel in enumerate(c.wheels):
+        effect[i, i] *= wheel.sign
+        if wheel.parent >= 0:
+            effect[i, wheel.parent] = wheel.ratio * c.wheels[wheel.parent].alone
+    return c.sigma**2 * product(effect, effect.T)
 
 
 def noise_slope(c: Constants, tau: float, t: float) -> Floats:
@@ -315,7 +331,7 @@ def produce_cumulants(steps: Steps, p: Floats, slope: Floats) -> Floats:
     bent[:, steps.bent] = transform(reach[:, None], steps.hessian)
     out = bent.transpose(0, 2, 3, 1) + bent.transpose(0, 2, 1, 3) + bent
     out = out + _over_pairs(varied, since)
-    return out + _over_pairs(steps.kick[:, :, None] * steps.kick[:, None], late)
+    return out + _over_pairs(steps.kick, late)
 
 
 def _over_pairs(pair: Floats, other: Floats) -> Floats:

@@ -17,7 +17,7 @@ import numpy as np
 import pandas as pd
 
 from rattle.montecarlo.kernel.block import BLOCK, run, sample
-from rattle.montecarlo.noise.philox import Word, fill_normals, key_of
+from rattle.montecarlo.noise.philox import STEP, Word, fill_normals, key_of
 from rattle.montecarlo.schemes.euler import plain_lanes, step_forcing
 from rattle.montecarlo.settings import Record, Sampling, plan_of
 from rattle.scene import DAT21, Constants, Floats, Scene, Start, Tolerance, Wheel
@@ -42,7 +42,7 @@ EXACT_FLIGHTS: dict[str, Any] = {"scheme": "exact-flight", "dt": math.pi / 96.0}
 @lean
 def _normals(key: Any, paths: Any, z: Any, loops: int) -> None:
     for i in range(loops):
-        fill_normals(key, paths, Word(i), paths.size, z)
+        fill_normals(key, paths, Word(i), Word(STEP), paths.size, z)
 
 
 @lean

@@ -36,6 +36,7 @@ _nodes, _weights = gauss_legendre(16)
 NODES = 0.5 * (_nodes + 1.0)
 WEIGHTS = 0.5 * _weights
 PANEL = 2.0
+COMMON = -1  # source of the noise that is common to all wheels
 # distance from resonance below which the swing of a wheel on a spring is not taken as settled
 RESONANCE = 1e-2
 
@@ -307,7 +308,16 @@ def noise_rate(c: Constants, tau: float, i: int) -> float:
 
 
 @internal
-def _respond_own(c: Constants, apart: Floats, lag: float, g: Floats) -> None:
+def _intensity(c: Constants, source: int, i: int) -> float:
+    """Intensity on a wheel of a noise: of the common one, or of the one that acts on the wheel
+    `source` alone."""
+    if source == COMMON:
+        return float(c.wheels[i].own)
+    return float(c.wheels[i].alone) if i == source else 0.0
+
+
+@internal
+def _respond_own(c: Constants, source: int, apart: Floats, lag: float, g: Floats) -> None:
     """Response of the coordinates to unit noise that acts on wheels themselves, a lag earlier.
 
     Shapes: `g` (2 wheels,).
@@ -315,26 +325,28 @@ def _respond_own(c: Constants, apart: Floats, lag: float, g: Floats) -> None:
     for i in range(c.wheels.size):
         wheel = c.wheels[i]
         p = respond(c, i, lag)
-        g[2 * i] = wheel.sign * wheel.own * p.e
-        g[2 * i + 1] = wheel.sign * wheel.own * p.d
+        pushed = wheel.sign * _intensity(c, source, i)
+        g[2 * i] = pushed * p.e
+        g[2 * i + 1] = pushed * p.d
         if wheel.parent >= 0 and apart[i] == 0.0:
             parent = c.wheels[wheel.parent]
             others = damped(parent.beta, lag)
-            g[2 * i] += wheel.ratio * parent.own * others.e
-            g[2 * i + 1] += wheel.ratio * parent.own * others.d
+            carried = wheel.ratio * _intensity(c, source, wheel.parent)
+            g[2 * i] += carried * others.e
+            g[2 * i + 1] += carried * others.d
 
 
 @internal
 def _respond(
-    c: Constants, apart: Floats, lag: float, sine: float, cosine: float, g: Floats
+    c: Constants, source: int, apart: Floats, lag: float, sine: float, cosine: float, g: Floats
 ) -> None:
     """Response of the coordinates to unit noise a lag earlier (see `noise_covariance`).
 
     `sine` and `cosine` are of the phase at which the noise acts, or ``-f''`` and ``f'`` of several
     orders there. Shapes: `g` (2 wheels,).
     """
-    if c.modulates == 0.0:
-        _respond_own(c, apart, lag, g)
+    if c.modulates == 0.0 or source != COMMON:
+        _respond_own(c, source, apart, lag, g)
         return
     for i in range(c.wheels.size):
         wheel = c.wheels[i]
@@ -367,8 +379,8 @@ def _harmonics(c: Constants, apart: Floats, h: float) -> Floats:
         since = h * NODES[NODES.size - 1 - n]
         sine = math.sin(since)
         cosine = math.cos(since)
-        _respond(c, apart, h * NODES[n], cosine, -sine, g[0])
-        _respond(c, apart, h * NODES[n], sine, cosine, g[1])
+        _respond(c, COMMON, apart, h * NODES[n], cosine, -sine, g[0])
+        _respond(c, COMMON, apart, h * NODES[n], sine, cosine, g[1])
         w = h * WEIGHTS[n]
         for i in range(size):
             for j in range(size):
@@ -397,7 +409,7 @@ def _double(q: Floats, j: Floats, h: float) -> Floats:
 
 @internal
 def _over_panels(
-    c: Constants, v: Floats, apart: Floats, tau: float, t: float, panel: float
+    c: Constants, source: int, v: Floats, apart: Floats, tau: float, t: float, panel: float
 ) -> Floats:
     """Covariance of unit noise by Gauss-Legendre quadrature on panels, each propagated through the
     next."""
@@ -413,7 +425,7 @@ def _over_panels(
         for n in range(NODES.size):
             begin = tau + (k + NODES[NODES.size - 1 - n]) * h
             first, second = velocity_acceleration(c.drive, begin)
-            _respond(c, apart, h * NODES[n], -second, first, g)
+            _respond(c, source, apart, h * NODES[n], -second, first, g)
             for a in range(size):
                 for b in range(size):
                     q[a, b] += h * WEIGHTS[n] * (g[a] * g[b])
@@ -422,7 +434,7 @@ def _over_panels(
 
 @internal
 def _over_orders(
-    c: Constants, v: Floats, apart: Floats, tau: float, t: float, panel: float
+    c: Constants, source: int, v: Floats, apart: Floats, tau: float, t: float, panel: float
 ) -> Floats:
     """Covariance of unit noise for a drive of several orders, or of noise on a wheel itself: whole
     periods by doubling, then the rest of the time."""
@@ -430,7 +442,7 @@ def _over_orders(
     rest = t - periods * PERIOD
     out = np.zeros((2 * c.wheels.size, 2 * c.wheels.size))
     if periods > 0:
-        q = _over_panels(c, v, apart, tau, PERIOD, panel)
+        q = _over_panels(c, source, v, apart, tau, PERIOD, panel)
         h = PERIOD
         while True:
             if periods & 1:
@@ -441,7 +453,7 @@ def _over_orders(
             q = congruence(_propagate(c, v, apart, h), q) + q
             h *= 2.0
         out = congruence(_propagate(c, v, apart, rest), out)
-    total: Floats = out + _over_panels(c, v, apart, tau, rest, panel)
+    total: Floats = out + _over_panels(c, source, v, apart, tau, rest, panel)
     return total
 
 
@@ -451,7 +463,8 @@ def _covariance(drive: Any, c: Constants, v: Floats, apart: Floats, tau: float, 
     fastest = fastest_rate(c)
     panel = min(PANEL, 2.0 / fastest) if fastest > 0.0 else PANEL
     if len(drive) != 0 or c.modulates == 0.0:
-        return _over_orders(c, v, apart, tau, t, min(panel, PANEL / highest_order(drive)))
+        panel = min(panel, PANEL / highest_order(drive))
+        return _over_orders(c, COMMON, v, apart, tau, t, panel)
     h = t
     doublings = 0
     while h > panel:
@@ -493,7 +506,8 @@ def noise_covariance(c: Constants, tau: float, t: float) -> Floats:
     ``sigma^2 int exp(A r) m m' exp(A' r) dr`` over the lag r before the end of the flight, ``m``
     the modulation of Eq. 5.  The flight is halved until Gauss-Legendre quadrature is exact to
     rounding, then doubled again: a flight of time 1e6 takes twenty doublings.  With several orders
-    a period is summed panel by panel, and then doubled.
+    a period is summed panel by panel, and then doubled.  Independent noises of single wheels add
+    covariances of their own.
 
     A wheel whose damping differs much from its parent's is integrated by its own deviation, which
     decouples the two.  Elsewhere the gap itself is integrated: its small variance would be lost as
@@ -513,6 +527,11 @@ def noise_covariance(c: Constants, tau: float, t: float) -> Floats:
             v[i, j] = 0.0 if apart[i] != 0.0 else carried
             gaps[i, j] = carried if apart[i] != 0.0 else 0.0
     out = _covariance(c.drive, c, v, apart, tau, t)
+    fastest = fastest_rate(c)
+    for i in range(c.wheels.size):
+        if c.wheels[i].alone > 0.0:
+            panel = min(PANEL, 2.0 / fastest) if fastest > 0.0 else PANEL
+            out += _over_orders(c, i, v, apart, tau, t, panel)
     to_gaps = np.zeros((size, size))
     square = c.sigma * c.sigma
     for i in range(c.wheels.size):

@@ -17,6 +17,7 @@ from rattle.scene.errors import InputError, suggesting
 from rattle.scene.files import in_file, read_text, read_toml
 from rattle.scene.gears import DAT21, Gears, change_gears
 from rattle.scene.loose_wheel import as_table
+from rattle.scene.noise import DRIVE_NOISE, Noise, list_sources, read_noise
 from rattle.scene.parts import (
     GAPS,
     LEAST_SIZE,
@@ -46,10 +47,8 @@ LARGEST_VALUES = {
     "gamma2": 1e6,
     "sigma": 1e6,
 }
-CACHED = ("tree", "_compiled_wheels", "law")
+CACHED = ("tree", "_compiled_wheels", "law", "noise_sources")
 """What a scene computes once and keeps."""
-DRIVE_NOISE = "drive"
-"""What the noise acts on by default."""
 UNRELATED = {"sigma", "start"}
 """Fields whose change leaves that as it is."""
 FAR_ORDERS = 8
@@ -113,10 +112,11 @@ class Scene:
         Memory of the noise, in units of ``1 / omega``: the modulation is an Ornstein-Uhlenbeck
         process with the spectrum of white noise of the same `sigma` at frequency 0.  0 (white
         noise), or 1e-4 to 1e6.
-    noise : str or int
+    noise : str, int or dict
         What the noise acts on: ``drive``, which it modulates, or the name or number of a wheel or
         body, on which it is a random force: ``sigma`` times white noise is added to its
-        acceleration.
+        acceleration.  Of several independent noises a table: the name or number of each, with its
+        intensity in units of `sigma`, 0 to 1e6; that of the drive is 1.
     wheels : sequence of Wheel, optional
         The loose wheels of a gearbox, 1 to 32, each after the one that it meshes with; in place of
         ``beta1, gamma1, beta2, gamma2, mu, gap1, gap2``.  `epsilon` is then that of the wheels
@@ -163,7 +163,7 @@ class Scene:
     stages: int = 2
     drive: tuple[Order, ...] = SINE_ALONE
     correlation_time: float = 0.0
-    noise: str | int = DRIVE_NOISE
+    noise: Noise = DRIVE_NOISE
     wheels: tuple[Wheel, ...] = ()
     bodies: bool = False
     gears: Gears | None = field(default=None, compare=False, repr=False)
@@ -224,6 +224,8 @@ class Scene:
         """Python text that makes the scene, to the last bit, on a few lines; defaults are left
         out."""
         shown = {f.name: getattr(self, f.name) for f in fields(self) if f.repr}
+        if isinstance(self.noise, tuple):
+            shown["noise"] = dict(self.noise)
         defaults: dict[str, Any] = {f.name: f.default for f in fields(self)}
         defaults["start"] = self._default_start
         defaults["bodies"] = not self.is_gears
@@ -278,19 +280,15 @@ class Scene:
 
     def _check_noise(self) -> None:
         """Check that the noise acts on something that the scene has."""
-        known = (DRIVE_NOISE, *self.wheel_names)
-        numbers = range(1, self.stages + 1)
-        if type(self.noise) not in (str, int) or self.noise not in (*known, *numbers):
-            named = ", ".join(known)
-            raise InputError("noise", self.noise, f"what it acts on is one of: {named}")
-        if self.noisy_wheel and self.correlation_time:
+        object.__setattr__(self, "noise", read_noise(self.noise, self.wheel_names))
+        if self.correlation_time and self.noise_sources != [(0, 1.0)]:
             why = "noise with a memory modulates the drive; a random force is white: 0"
             raise InputError("correlation_time", self.correlation_time, why)
 
     @property
     def noisy_wheel(self) -> int:
-        """Number of the wheel or body on which the noise is a random force; 0 where it modulates
-        the drive.
+        """Number of the wheel or body on which the first noise is a random force; 0 where it
+        modulates the drive.
 
         Examples
         --------
@@ -298,10 +296,21 @@ class Scene:
         >>> Scene(alpha=0.0, epsilon=0.8, wheels=[ball], noise="ball").noisy_wheel
         1
         """
-        if self.noise == DRIVE_NOISE:
-            return 0
-        names = self.wheel_names
-        return names.index(self.noise) + 1 if self.noise in names else int(self.noise)
+        return self.noise_sources[0][0]
+
+    @cached_property
+    def noise_sources(self) -> list[tuple[int, float]]:
+        """What each independent noise acts on, the number of a wheel or 0 for the drive, and its
+        intensity over `sigma`; in ascending order.
+
+        Examples
+        --------
+        >>> ball = Wheel(beta=0.0, gamma=1.0, one_sided=True, name="ball")
+        >>> noise = {"drive": 1.0, "ball": 0.3}
+        >>> Scene(alpha=2.0, epsilon=0.8, wheels=[ball], noise=noise).noise_sources
+        [(0, 1.0), (1, 0.3)]
+        """
+        return list_sources(self.noise, self.wheel_names)
 
     def _check_tolerance(self) -> None:
         if self.tolerance is None:
@@ -737,7 +746,9 @@ class Scene:
         wheels["low"] = [wheel.low_gap + fixed * wheel.tolerance for wheel in tree]
         # a wall in the middle has the unit of length
         wheels["size"] = np.where(wheels["wall"] > 0.0, wheels["wall"], 1.0)
-        wheels["own"] = np.arange(1, len(tree) + 1) == self.noisy_wheel
+        for source, (number, intensity) in enumerate(self.noise_sources):
+            if number:
+                wheels["alone" if source else "own"][number - 1] = intensity
         parents = [int(wheel.parent) - 1 for wheel in tree]
         wheels["parent"] = parents
         wheels["sign"] = [1.0 if parent < 0 else -1.0 for parent in parents]
@@ -829,6 +840,8 @@ class Scene:
                 del values[name]
         if self.noise == DRIVE_NOISE:
             del values["noise"]
+        elif isinstance(self.noise, tuple):
+            values["noise"] = dict(self.noise)
         if self.bodies is not self.is_gears:  # as it is without being said
             del values["bodies"]
         drive = {} if self.drive == SINE_ALONE else {"drive": [asdict(one) for one in self.drive]}

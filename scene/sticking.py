@@ -58,6 +58,7 @@ def lock(c: Constants, closed: Ints, bodies: Bodies) -> None:
         body.beta = wheel.mass * wheel.beta
         body.gamma = wheel.mass * wheel.gamma
         body.own = wheel.mass * wheel.own
+        body.alone = (wheel.mass * wheel.alone) ** 2
     for i in range(c.wheels.size - 1, -1, -1):
         wheel = c.wheels[i]
         body = bodies[i]
@@ -67,9 +68,11 @@ def lock(c: Constants, closed: Ints, bodies: Bodies) -> None:
             parent.beta += wheel.ratio * wheel.ratio * body.beta
             parent.gamma += wheel.ratio * body.gamma
             parent.own += wheel.ratio * body.own
+            parent.alone += wheel.ratio * wheel.ratio * body.alone
         body.beta /= body.mass
         body.gamma /= body.mass
         body.own /= body.mass
+        body.alone = math.sqrt(body.alone) / body.mass  # of independent noises
 
 
 @lean_internal
@@ -316,6 +319,7 @@ def write_bodies(c: Constants, closed: Ints, free: Ints, bodies: Bodies, wheels:
         body.beta = bodies[i].beta
         body.gamma = bodies[i].gamma
         body.own = bodies[i].own
+        body.alone = bodies[i].alone
         body.mass = bodies[i].mass
         body.stiffness = wheel.stiffness
         body.size = wheel.size
@@ -432,9 +436,11 @@ def close(c: Constants, s: Floats, closed: Ints, walls: Floats, bodies: Bodies) 
             s[2 * i + 1] = 0.0
             carried = wheel.ratio * bodies[wheel.parent].offset if wheel.parent >= 0 else 0.0
             body.offset = carried + wheel.sign * s[2 * i]
+        body.share = 0.0
         if body.root != DRIVER:
             first = bodies[body.root]
             share = body.carry * wheel.mass / first.mass
+            body.share = share
             first.kept_place += share * (body.place - body.offset)
             first.kept_rate += share * body.rate
     # place, rate: from here on by how much a wheel is moved

@@ -85,14 +85,16 @@ WHEEL = np.dtype(
                 "own",
                 np.float64,
             ),  # of a noise that does not modulate the drive: 1 on its wheel, or 0
+            ("alone", np.float64),  # intensity over sigma of a noise that acts on it alone
             # The gap obeys y' = -beta y - stiffness x + coupling v_p + drag + (alpha + modulates
-            # sigma eta) (second f'' + first f') + force sigma eta, v_p the deviation of the
-            # parent's speed
+            # sigma eta) (second f'' + first f') + force sigma eta + shaking sigma eta_i, v_p the
+            # deviation of the parent's speed
             ("coupling", np.float64),
             ("drag", np.float64),
             ("second", np.float64),
             ("first", np.float64),
             ("force", np.float64),
+            ("shaking", np.float64),  # of the noises of its wheel and of its parent alone
             # bounds of |f'' + beta f'| and of its rate, beta of the wheel or of a parent wheel
             ("modulation", np.float64),
             ("modulation_rate", np.float64),
@@ -110,11 +112,12 @@ BODY = np.dtype(
         [
             ("root", np.int64),  # first wheel of the body that it is locked into; -1: the driver
             ("carry", np.float64),  # its speed over that of the root
-            # mass, beta, gamma, own: of all that is locked below its mesh, as one wheel there
+            # mass, beta, gamma, own, alone: of all that is locked below its mesh, as of one wheel
             ("mass", np.float64),
             ("beta", np.float64),
             ("gamma", np.float64),
             ("own", np.float64),
+            ("alone", np.float64),
             ("speed", np.float64),  # u, at its own mesh
             ("pull", np.float64),  # acceleration by damping and drag of all that is locked below
             ("motion", np.float64),  # its acceleration, less the driver's
@@ -125,6 +128,7 @@ BODY = np.dtype(
             ("kept_place", np.float64),
             ("kept_rate", np.float64),
             ("offset", np.float64),  # of its position in its body
+            ("share", np.float64),  # of its speed in that of the first wheel of its body
         ],
     ),
     align=True,

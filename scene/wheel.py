@@ -33,6 +33,7 @@ def complete_wheels(wheels: Wheels, drive: Any) -> None:
             wheel.second = wheel.sign * wheel.turn
             wheel.first = wheel.sign * wheel.turn * wheel.beta
             wheel.force = wheel.sign * wheel.own
+            wheel.shaking = wheel.alone
         else:
             parent = wheels[wheel.parent]
             parent.drives = 1
@@ -43,6 +44,7 @@ def complete_wheels(wheels: Wheels, drive: Any) -> None:
             wheel.second = 0.0
             wheel.first = wheel.turn * (parent.beta - wheel.beta)
             wheel.force = wheel.ratio * parent.own - wheel.own
+            wheel.shaking = math.hypot(wheel.alone, wheel.ratio * parent.alone)
 
 
 @splice

@@ -107,7 +107,9 @@ def _slow(c: Constants, e: Floats, t: float, code: int, before: Floats) -> float
     i = abs(code) - 1
     rate = noise_rate(c, e[0] + t, i)
     speed = before[2 * i + 1]
-    made = c.sigma * c.sigma * rate * rate * t
+    own = c.wheels[i].shaking
+    square = c.sigma * c.sigma
+    made = square * rate * rate * t + square * own * own * t
     return made / (made + speed * speed) if made > 0.0 else 0.0
 
 

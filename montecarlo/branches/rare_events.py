@@ -18,7 +18,7 @@ import numpy as np
 from scipy.special import log_ndtr, ndtr, ndtri, ndtri_exp
 
 from rattle.montecarlo.schemes.short_flight import kick
-from rattle.montecarlo.schemes.step_state import MOST_TERMS
+from rattle.montecarlo.schemes.step_state import TERMS_AND_NOISE
 from rattle.scene import Constants, Floats
 from rattle.scene.compiled import jit
 from rattle.scene.flight import flow, jacobian, noise_covariance
@@ -92,7 +92,7 @@ def _add_noise(
     left out. Shapes: `cross` (2 wheels, steps).
     """
     push = np.empty(2 * c.wheels.size)
-    series = np.zeros((3 + c.wheels.size, MOST_TERMS))  # the last row stays 0: see `Scratch`
+    series = np.zeros((3 + c.wheels.size, TERMS_AND_NOISE))  # the last row stays 0: see `Scratch`
     begin, dt = grid
     for n in range(
         max(0, int((tau - begin) / dt)), min(cross.shape[1], int((tau + t - begin) / dt) + 1)

@@ -21,7 +21,6 @@ from rattle.montecarlo.schemes.exact_flight import (
     ALONG,
     CARRY,
     DRIFT,
-    MARGIN,
     accurate_flight,
     flight_forcing,
 )
@@ -29,8 +28,9 @@ from rattle.montecarlo.schemes.lanes import lanes_of
 from rattle.montecarlo.schemes.short_flight import phase_at, short_flight
 from rattle.montecarlo.schemes.step_state import (
     FORCING,
+    MARGIN,
     MOST_IN_A_STEP,
-    MOST_TERMS,
+    TERMS_AND_NOISE,
     clip,
     copy_state,
     due_side,
@@ -102,6 +102,8 @@ def clockwork(scene: Scene, depth: int) -> Clockwork:
             scene.correlation_time,
             "a shared Brownian tree is of white noise only, 0",
         )
+    if len(scene.noise_sources) > 1:
+        raise InputError("noise", scene.noise, "a shared Brownian tree is of one noise: a name")
     h = step_time(scene)
     times = np.array([n * h for n in range(round(2.0 * math.pi / h))])
     return clockwork_at(scene, times, h, depth)
@@ -110,7 +112,7 @@ def clockwork(scene: Scene, depth: int) -> Clockwork:
 def clockwork_at(scene: Scene, begins: Floats, h: float, depth: int) -> Clockwork:
     """Tables of steps that begin at given times."""
     state = np.zeros((2 * scene.stages, 1))
-    _, room = lanes_of(1, 0, state, state, 0.0, 0)
+    _, room = lanes_of(1, 0, state, state, 0.0, 0, np.zeros(scene.stages))
     table = np.empty((begins.size, scene.stages, FORCING))
     for row, begin in zip(table, begins, strict=True):
         flight_forcing(scene.constants, begin, h, room.scratch)
@@ -149,7 +151,7 @@ def grow_tree(c: Constants, clock: Clockwork, seed: np.random.SeedSequence) -> T
         pending=np.empty((clock.depth + 2, 4)),
         state=np.empty(2 * wheels),
         end=np.empty(2 * wheels),
-        series=np.zeros((3 + wheels, MOST_TERMS)),
+        series=np.zeros((3 + wheels, TERMS_AND_NOISE)),
         margins=np.empty(wheels),
         walls=flanks_of(c),
         sides=np.zeros(wheels, np.int64),

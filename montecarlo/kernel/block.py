@@ -160,7 +160,13 @@ def begin_block(plan: Plan, first: int, paths: int) -> tuple[Job, Lanes, Room]:
     linear = 2 * (2 * scene.stages + 1)  # of the linearised path and its next step
     carried = max(linear, 2 + len(mixture.unit))
     every, room = lanes_of(
-        plan.levels, first, start_state(scene, walls), walls, scene.phase, carried
+        plan.levels,
+        first,
+        start_state(scene, walls),
+        walls,
+        scene.phase,
+        carried,
+        c.wheels["alone"].copy(),
     )
     if scene.correlation_time:
         begin_memory(scene.correlation_time, key, first, room.eta)
@@ -186,7 +192,8 @@ def sample(plan: Plan, block: int, reuse: bool = False) -> Raw:
     fixed = _array("fixed", (plan.levels, paths, plan.fixed_steps.size, columns - 3), np.nan, reuse)
     controls = _array("controls", beside, 0.0, reuse)
     out = Output(first, rows, plan.fixed_steps, fixed, controls)
-    known = plan.scene.stages == UNROLLED and not job.c.wheels["stiffness"].any()
+    special = job.c.wheels["stiffness"].any() or job.c.wheels["alone"].any()
+    known = plan.scene.stages == UNROLLED and not special
     kernel = block_kernel(SCHEMES[plan.scheme], UNROLLED if known else 0)
     work, sticking = kernel(job, plan.scene.phase, plan.most_steps, every, room, out)
     unfinished = np.isnan(rows[0, :, -1, 0]).sum()

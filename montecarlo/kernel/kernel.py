@@ -10,9 +10,10 @@ from rattle.montecarlo.kernel.mixture import BranchMixture, condition, weigh
 from rattle.montecarlo.noise.backlash import Backlash, half_gap
 from rattle.montecarlo.noise.brownian import Noise
 from rattle.montecarlo.noise.memory import Memory, color_noise
-from rattle.montecarlo.noise.philox import Key, Word, fill_normals, fill_signs, fill_words
+from rattle.montecarlo.noise.philox import STEP, Key, Word, fill_normals, fill_signs, fill_words
 from rattle.montecarlo.noise.restitution import RandomRestitution, draw_restitution
 from rattle.montecarlo.schemes import lanes as vector
+from rattle.montecarlo.schemes.alone import begin_alone, draw_alone
 from rattle.montecarlo.schemes.control_variate import LinearPath, carry_along
 from rattle.montecarlo.schemes.lanes import Lanes, Room
 from rattle.montecarlo.schemes.scheme import Scheme
@@ -187,7 +188,7 @@ def draw_noise(has_area: bool, job: Job, n: int, room: Room, wide: int) -> tuple
             fill_words(job.key, room.path, Word(n // 64), wide, room.bits)
         fill_signs(room.bits, n % 64, wide, z[0])
     elif use == 0 and job.c.sigma != 0.0:
-        fill_normals(job.key, room.path, Word(n // draws), wide, z)
+        fill_normals(job.key, room.path, Word(n // draws), Word(STEP), wide, z)
     w = z[use * (4 // draws)]
     area = z[2 * use + 1 if has_area else 4]
     if job.c.memory > 0.0 and job.c.sigma != 0.0:
@@ -251,6 +252,8 @@ def finish_marked(
         at = Progress(0, now, h, noise)
         for j in range(2 * scratch.wheels):
             scratch.state[j] = s[j, p]
+        if scratch.shaken:
+            begin_alone(lanes.alone, p, h, scratch.intensity, scratch.alone)
         met = lanes.impacts[p]
         sticking += finish_inside(
             advance,
@@ -310,6 +313,7 @@ def block_kernel(scheme: Scheme, wheels: int = 0) -> Callable[..., tuple[int, in
         scratch = Scratch(
             wheels if wheels > 0 else buffers.wheels,
             wheels == 0,
+            wheels == 0 and buffers.shaken,
             buffers.state,
             buffers.whole,
             buffers.end,
@@ -324,6 +328,9 @@ def block_kernel(scheme: Scheme, wheels: int = 0) -> Callable[..., tuple[int, in
             buffers.choices,
             buffers.wheels_beside,
             buffers.beside,
+            buffers.intensity,
+            buffers.alone,
+            buffers.effects,
         )
         put_all(scratch.choices[LEFT], 0)  # the constants may be others than before
         times = out.fixed_steps.size
@@ -332,6 +339,8 @@ def block_kernel(scheme: Scheme, wheels: int = 0) -> Callable[..., tuple[int, in
             wide = (live + 7) // 8 * 8
             for _ in range(min(vector.CHUNK, most_steps - n)):
                 w, area = draw_noise(has_area, job, n, room, wide)
+                if scratch.shaken:
+                    draw_alone(job.key, 2 if has_area else 4, n, room, wide, every.alone[0])
                 if has_area:
                     linear = carry_beside(job, n, linear, room, w, area, out, live, wide)
                 n += 1
@@ -343,6 +352,10 @@ def block_kernel(scheme: Scheme, wheels: int = 0) -> Callable[..., tuple[int, in
                             break
                         whole = n % multiple == 0
                         join_noise(w, area, every.w[level], every.area[level], whole, wide)
+                        for i in range(every.alone.shape[1]):
+                            fine = every.alone[level - 1, i]
+                            coarse = every.alone[level, i]
+                            join_noise(fine[0], fine[1], coarse[0], coarse[1], whole, wide)
                         w = every.w[level]
                         area = every.area[level]
                         if not whole:

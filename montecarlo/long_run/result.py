@@ -248,7 +248,8 @@ class LongRun:
         lost = self.sums.main[:, :, ENERGY].sum(axis=1) / self.sums.time
         supplied = np.zeros(self.paths)
         for i, wheel in enumerate(c.wheels):
-            square = c.modulates * wheel.turn**2 * mean_square(c.drive, wheel.beta) + wheel.own
+            square = c.modulates * wheel.turn**2 * mean_square(c.drive, wheel.beta)
+            square += wheel.own**2 + wheel.alone**2
             noise = 0.5 * c.sigma**2 * square
             power = noise - wheel.beta * squared[:, i] + c.alpha * driven[:, i]
             supplied += wheel.mass * power

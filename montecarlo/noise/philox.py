@@ -26,8 +26,11 @@ CONTACT = 1
 BRIDGE = 2
 MEMORY = 100
 RESTITUTION = 101
+ALONE = 128
+ALONE_BRIDGE = 160
 """Purposes, that is, substreams: noise of the steps; half gaps; splits within a step (`BRIDGE` +
-level); noise with a memory at the start; random restitution."""
+level); noise with a memory at the start; random restitution; noise of the steps of one wheel alone
+(`ALONE` + wheel), and its splits (`ALONE_BRIDGE` + 32 level + wheel)."""
 
 Word = np.uint64
 LOW = Word(0xFFFFFFFF)
@@ -193,8 +196,10 @@ def normals(key: Key, path: Word, index: Word, purpose: Word) -> tuple[float, fl
 
 
 @lean
-def fill_normals(key: Key, paths: NDArray[np.uint64], index: Word, lanes: int, z: Floats) -> None:
-    """Four standard normals of every lane for one index of the substream `STEP`; vectorises.
+def fill_normals(
+    key: Key, paths: NDArray[np.uint64], index: Word, purpose: Word, lanes: int, z: Floats
+) -> None:
+    """Four standard normals of every lane for one index of a substream; vectorises.
 
     In three loops, with the words where their normals will be: in one, a processor waits for the
     words of a vector before it can begin with the next.
@@ -207,7 +212,7 @@ def fill_normals(key: Key, paths: NDArray[np.uint64], index: Word, lanes: int, z
     z2 = z[2]
     z3 = z[3]
     for p in range(lanes):
-        a, b, c, d = words(key, paths[p], index, Word(STEP))
+        a, b, c, d = words(key, paths[p], index, purpose)
         z0[p], z1[p], z2[p], z3[p] = float_of(a), float_of(b), float_of(c), float_of(d)
     for p in range(lanes):
         z0[p], z1[p] = _pair(word_of(z0[p]), word_of(z1[p]))

@@ -63,7 +63,8 @@ def margin_of(c: Constants, phase: Phase, h: float, i: int) -> float:
     square = h * h
     # Hermite error: h^4 / 384 times the 4th derivative
     bend: float = square * square / 96.0 * force * (stiff * stiff)
-    noise: float = spread * (c.modulates * share * modulation + abs(wheel.force))
+    common = c.modulates * share * modulation + abs(wheel.force)
+    noise: float = spread * (common + wheel.shaking)
     return noise + bend
 
 
@@ -158,7 +159,7 @@ def noise_free_reach(c: Constants, i: int, speed: float, other: float) -> float:
     wheel = c.wheels[i]
     modulation = wheel.turn * wheel.modulation
     noise = c.modulates * modulation + abs(wheel.force)
-    most = noise * noise
+    most = noise * noise + wheel.shaking * wheel.shaking
     force = abs(wheel.drag) + wheel.beta * abs(speed) + wheel.stiffness * wheel.size
     if wheel.parent < 0:
         force += c.alpha * modulation

@@ -10,6 +10,7 @@ from functools import partial
 from typing import NamedTuple
 
 from rattle.montecarlo.noise.brownian import Noise
+from rattle.montecarlo.schemes.alone import add_kicks
 from rattle.montecarlo.schemes.lanes import Lanes, fill_speeds, join_increments
 from rattle.montecarlo.schemes.scheme import Scheme
 from rattle.montecarlo.schemes.short_flight import Phase, no_phase
@@ -159,6 +160,8 @@ def step_lanes(
         lanes.w,
         marks[:live],
     )
+    if scratch.shaken:
+        add_kicks(c, h, lanes, live)
 
 
 @splice

@@ -10,6 +10,12 @@ from functools import partial
 
 from rattle.montecarlo.noise.brownian import Noise
 from rattle.montecarlo.noise.philox import BRIDGE, Word, normals
+from rattle.montecarlo.schemes.alone import (
+    add_kick,
+    add_kicks,
+    divide_increments,
+    gather_alone,
+)
 from rattle.montecarlo.schemes.euler import (
     KICK,
     PUSH,
@@ -22,6 +28,7 @@ from rattle.montecarlo.schemes.lanes import Lanes, join_halves
 from rattle.montecarlo.schemes.scheme import Scheme
 from rattle.montecarlo.schemes.short_flight import Phase, no_phase
 from rattle.montecarlo.schemes.step_state import (
+    FREE,
     SPLITS,
     TOGETHER,
     Inside,
@@ -65,6 +72,8 @@ def step_lanes(
         lanes.w,
         beyond[:live],
     )
+    if scratch.shaken:
+        add_kicks(c, h, lanes, live)
 
 
 @lean_internal
@@ -86,6 +95,8 @@ def _step_partly(c: Constants, tau: float, h: float, increment: float, scratch: 
             + scratch.forcing[i, PUSH]
             + scratch.forcing[i, KICK] * z
         )
+    if scratch.shaken:
+        add_kick(c, s, scratch.series)
 
 
 @lean
@@ -110,8 +121,8 @@ def advance(inside: Inside, met: int, at: Progress, phase: Phase) -> tuple[Progr
     s = inside.scratch.state
     walls = inside.scratch.walls
     normal = 0.0
+    index = Word(inside.step) * SPLITS + Word(met)
     if c.memory == 0.0:
-        index = Word(inside.step) * SPLITS + Word(met)
         normal = normals(inside.key, inside.path, index, Word(BRIDGE + inside.level))[0]
     whole = at.noise.increment
     reach = math.inf
@@ -122,12 +133,28 @@ def advance(inside: Inside, met: int, at: Progress, phase: Phase) -> tuple[Progr
             reach = time
             struck = i
     if reach >= at.left:
+        if inside.scratch.shaken:
+            free = inside.scratch.choices[FREE]
+            bodies = inside.scratch.bodies
+            gather_alone(inside.scratch.alone, c.wheels.size, bodies, free, inside.scratch.series)
         _step_partly(c, at.tau, at.left, whole, inside.scratch)
         return Progress(0, at.tau + at.left, 0.0, Noise(0.0, 0.0)), phase
     # the increment up to there, given the whole of it: a Brownian bridge
     spread = math.sqrt(reach * (at.left - reach) / at.left)
     part = whole * reach / at.left + spread * normal
     side = 1 if s[2 * struck + 1] > 0.0 else -1
+    if inside.scratch.shaken:
+        divide_increments(
+            inside.key,
+            inside.path,
+            index,
+            inside.level,
+            at.left,
+            reach,
+            inside.scratch.intensity,
+            inside.scratch.alone,
+            inside.scratch.series,
+        )
     _step_partly(c, at.tau, reach, part, inside.scratch)
     code = side * (struck + 1)
     put_on_wall(s, code, walls)

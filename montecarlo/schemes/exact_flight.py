@@ -15,6 +15,14 @@ from typing import NamedTuple
 
 from rattle.montecarlo.noise.brownian import Noise, join, split
 from rattle.montecarlo.noise.philox import BRIDGE, Word, normals
+from rattle.montecarlo.schemes.alone import (
+    ALONG_PARTS,
+    flight_effects,
+    gather_alone,
+    join_alone,
+    shake_lanes,
+    split_alone,
+)
 from rattle.montecarlo.schemes.crossing import (
     CLOSE_TO_WALL,
     NEAR_WALL,
@@ -35,6 +43,7 @@ from rattle.montecarlo.schemes.short_flight import (
 )
 from rattle.montecarlo.schemes.step_state import (
     FREE,
+    MARGIN,
     MOST_IN_A_STEP,
     SPLITS,
     TOGETHER,
@@ -87,7 +96,6 @@ and rate; and the margin of the walls."""
 DRIFT = 4
 ALONG = 6
 ACROSS = 8
-MARGIN = 10
 
 
 @lean
@@ -96,6 +104,8 @@ def flight_forcing(c: Constants, tau: float, h: float, scratch: Scratch) -> None
     phase = phase_at(c.drive, tau)
     forcing = scratch.forcing
     end = scratch.end
+    if scratch.shaken:
+        flight_effects(c, tau, h, scratch)
     kick(c, tau, h, math.sqrt(h), 0.0, scratch.series, end)
     _put_column(forcing, ALONG, end)
     kick(c, tau, h, 0.0, math.sqrt(h / 12.0), scratch.series, end)
@@ -234,6 +244,8 @@ def step_lanes(
             _fly_gap(f, x, y, x0, y0, state[2 * parent + 1], z, area, high, low, near)
         else:
             _fly_gap(f, x, y, x0, y0, scratch.speeds[parent], z, area, high, low, near)
+    if scratch.shaken:
+        shake_lanes(c, h, lanes, scratch, near, live)
 
 
 @splice
@@ -271,17 +283,26 @@ def _due(c: Constants, s: Floats, walls: Floats) -> tuple[int, float, float]:
 
 @lean_internal
 def _land(
-    inside: Inside, c: Constants, s: Floats, at: Progress, phase: Phase, code: int, lead: float
+    c: Constants,
+    s: Floats,
+    walls: Floats,
+    at: Progress,
+    phase: Phase,
+    code: int,
+    lead: float,
+    v: Floats,
 ) -> tuple[Progress, Phase]:
     """The path at the impact that is due, after its flight without noise to the wall: along a
-    parabola."""
+    parabola.
+
+    `v`: scratch; by wheel, in its rows from 2 on, the deviation of its speed and the first two
+    derivatives of that.  Only what is needed is passed: a call copies all of a tuple.
+    """
     not_inlined()
     second = -phase[0]
     first = phase[1]
     third = -third_of(c.drive, phase)
     struck = abs(code) - 1
-    # by wheel, in rows of scratch: deviation of its speed, and the first two derivatives of that
-    v = inside.scratch.series
     for i in range(c.wheels.size):
         wheel = c.wheels[i]
         others = rate_of_others = 0.0
@@ -308,7 +329,7 @@ def _land(
         s[2 * i] += lead * (s[2 * i + 1] + half * rate)
         s[2 * i + 1] += lead * (rate + half * v[2 + i, 3])
     phase = shift_phase(c.drive, phase, lead)
-    put_on_wall(s, code, inside.scratch.walls)
+    put_on_wall(s, code, walls)
     return Progress(code, at.tau + lead, at.left - lead, at.noise), phase
 
 
@@ -368,6 +389,7 @@ def _advance(
     """`advance_exactly` where no mesh is closed; `flown`: whether the end of the flight is not that
     of the whole step."""
     ahead = inside.scratch.ahead
+    series = inside.scratch.series
     walls = inside.scratch.walls
     s = inside.scratch.state
     end = inside.scratch.end
@@ -377,17 +399,23 @@ def _advance(
     left = at.left
     code, lead, _ = _due(c, s, walls)
     if code != 0 and lead < left:
-        return _land(inside, c, s, at, phase, code, max(lead, 0.0))
+        return _land(c, s, walls, at, phase, code, max(lead, 0.0), series)
     if not flown:
         copy_state(end, inside.scratch.whole)
     turned = phase
     cuts = top = 0
     z3 = z4 = 0.0
     _put(ahead, 0, left, at.noise)
+    shaken = inside.scratch.shaken
+    if shaken:
+        copy_state(ahead[0, ALONG_PARTS:], inside.scratch.alone)
     while True:
         h, noise = _part(ahead, top)
         if flown:
-            series = inside.scratch.series
+            if shaken:
+                of_part = ahead[top, ALONG_PARTS:]
+                free = inside.scratch.choices[FREE]
+                gather_alone(of_part, c.wheels.size, inside.scratch.bodies, free, series)
             turned = short_flight(
                 c, c.alpha, 1.0, phase, h, s, noise.increment, noise.area, series, end
             )
@@ -403,8 +431,10 @@ def _advance(
             code, lead, reach = _due(c, s, walls)
             if code != 0 and lead <= left:
                 at = Progress(code, tau, left, _join(ahead, top))
+                if shaken:
+                    join_alone(ahead, top, inside.scratch.alone)
                 phase = turned if flown else phase_at(c.drive, tau)
-                return _land(inside, c, s, at, phase, code, max(lead, -0.5 * h))
+                return _land(c, s, walls, at, phase, code, max(lead, -0.5 * h), series)
             if top == 0:
                 return Progress(0, tau, 0.0, Noise(0.0, 0.0)), turned
             phase = turned
@@ -423,8 +453,20 @@ def _advance(
         else:
             z1 = z3
             z2 = z4
-        cuts += 1
         cut = max(cut, tick / h)
+        if shaken:
+            split_alone(
+                inside.key,
+                inside.path,
+                index,
+                inside.level,
+                cuts,
+                cut,
+                ahead,
+                top,
+                inside.scratch.intensity,
+            )
+        cuts += 1
         first, second = split(noise, h, cut, z1, z2)
         _put(ahead, top, h - cut * h, second)
         top += 1
@@ -446,6 +488,7 @@ def _advance_beside(
     part = Scratch(
         count,
         whole.springs,
+        whole.shaken,
         whole.beside[0, :numbers],
         whole.whole,
         whole.beside[1, :numbers],
@@ -460,6 +503,9 @@ def _advance_beside(
         whole.choices,
         whole.wheels_beside,
         whole.beside,
+        whole.intensity,
+        whole.alone,
+        whole.effects,
     )
     take_open(whole.state, free, part.state)
     take_open(whole.walls, free, part.walls)

@@ -8,7 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rattle.montecarlo.noise.philox import Word
-from rattle.montecarlo.schemes.step_state import CHOICES, FORCING, MOST_PARTS, MOST_TERMS, Scratch
+from rattle.montecarlo.schemes.step_state import (
+    CHOICES,
+    FORCING,
+    MOST_PARTS,
+    TERMS_AND_NOISE,
+    Scratch,
+)
 from rattle.scene import Bools, Constants, Floats, Ints
 from rattle.scene.compiled import inline, lean_internal, splice, widest_vectors
 from rattle.scene.types import BODY, WHEEL
@@ -35,6 +41,8 @@ class Lanes(NamedTuple):
     # w, area: increment and area of the step's noise, in units of their sd; (levels, lanes)
     w: Floats
     area: Floats
+    # increment and area of the noises of single wheels alone; (levels, wheels, 2, lanes)
+    alone: Floats
     last: Floats  # time of the last impact; (levels, lanes)
     impacts: Ints  # number of impacts so far; (levels, lanes)
 
@@ -49,6 +57,7 @@ class Room(NamedTuple):
     bits: NDArray[Word]  # random bits of two-point increments; (lanes,)
     eta: Floats  # noise with a memory, at the end of the last step; (lanes,)
     z: Floats  # four normals; the fifth row stays zero; (5, lanes)
+    z_alone: Floats  # those of the noises of single wheels alone; (wheels, 4, lanes)
     # what else goes with a path: perturbations of the linearised path, or what
     # `rattle.montecarlo.kernel.mixture.condition` keeps; (5 or more, lanes)
     carried: Floats
@@ -62,17 +71,26 @@ class Room(NamedTuple):
 
 
 def lanes_of(
-    levels: int, first: int, start: Floats, walls: Floats, tau: float, carried: int
+    levels: int,
+    first: int,
+    start: Floats,
+    walls: Floats,
+    tau: float,
+    carried: int,
+    intensity: Floats,
 ) -> tuple[Lanes, Room]:
     """Lanes and buffers of a block; allocated outside compiled code, which takes longer to compile
     if it allocates.
 
-    `carried`: Rows of `Room.carried`. Shapes: `start`, `walls` (2 wheels, paths).
+    `carried`: Rows of `Room.carried`.  `intensity`: Of noises of single wheels alone.  Shapes:
+    `start`, `walls` (2 wheels, paths); `intensity` (wheels,).
     """
     states, paths = start.shape
     wheels = states // 2
     # whole vectors; results of lanes without a path are ignored
     lanes = (paths + 7) // 8 * 8 + SPARE_LANES
+    shaken = bool(intensity.any())
+    sources = wheels if shaken else 0
     state = np.zeros((levels, states, lanes))
     wall = np.ones((levels, states, lanes))
     state[:, :, :paths] = start
@@ -83,6 +101,7 @@ def lanes_of(
         walls=wall,
         w=np.zeros((levels, lanes)),
         area=np.zeros((levels, lanes)),
+        alone=np.zeros((levels, sources, 2, lanes)),
         last=np.full((levels, lanes), tau),
         impacts=np.zeros((levels, lanes), np.int64),
     )
@@ -91,6 +110,7 @@ def lanes_of(
         bits=np.zeros(lanes, np.uint64),
         eta=np.zeros(lanes),
         z=np.zeros((5, lanes)),
+        z_alone=np.zeros((sources, 4, lanes)),
         carried=np.zeros((carried, lanes)),
         marks=np.zeros(lanes, np.bool_),
         groups=np.empty(lanes // 8 + 1, np.int64),
@@ -98,12 +118,13 @@ def lanes_of(
         scratch=Scratch(
             wheels=wheels,
             springs=True,
+            shaken=shaken,
             state=np.zeros(states),
             whole=np.zeros(states),
             end=np.zeros(states),
             walls=np.zeros(states),
-            series=np.zeros((3 + wheels, MOST_TERMS)),
-            ahead=np.empty((MOST_PARTS, 3)),
+            series=np.zeros((3 + wheels, TERMS_AND_NOISE)),
+            ahead=np.zeros((MOST_PARTS, 3 + states)),
             sides=np.zeros(wheels, np.int64),
             unfollowed=np.zeros((2, wheels)),
             forcing=np.zeros((wheels, FORCING)),
@@ -112,6 +133,9 @@ def lanes_of(
             choices=np.zeros((CHOICES, wheels), np.int64),
             wheels_beside=np.zeros(wheels, WHEEL),
             beside=np.zeros((3, states)),
+            intensity=intensity,
+            alone=np.zeros(states),
+            effects=np.zeros((wheels, 2, states)),
         ),
         closed=np.zeros((wheels + 2, lanes)),
     )
@@ -158,6 +182,7 @@ def of_level(every: Lanes, level: int, w: Floats, area: Floats) -> Lanes:
         every.walls[level],
         w,
         area,
+        every.alone[level],
         every.last[level],
         every.impacts[level],
     )

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from rattle.montecarlo.schemes.step_state import MOST_TERMS
+from rattle.montecarlo.schemes.step_state import AREA, INCREMENT, MOST_TERMS, TERMS_AND_NOISE
 from rattle.scene import Constants, Floats
 from rattle.scene.compiled import inline, lean
 from rattle.scene.drive import (
@@ -20,6 +20,7 @@ from rattle.scene.drive import (
     phase_of_orders,
     sine_cosine,
 )
+from rattle.scene.flight import COMMON
 
 Phase = tuple[float, ...]
 """Sine and cosine of a time; of several orders ``-f''``, ``f'``, ``-f'''`` and the time itself."""
@@ -85,7 +86,7 @@ def short_flight(
     trial before an impact.
 
     `alpha`, `dragged`: the excitation, and 1 with drag or 0 without.  Shapes: `s`, `end` (2
-    wheels,); `series` as in `Scratch`.
+    wheels,); `series` as in `Scratch`, with the noises of single wheels alone.
     """
     return _fly(c.drive, c, alpha, dragged, phase, h, s, increment, area, series, end)
 
@@ -131,6 +132,10 @@ def _fly(
         # what does not follow the drive, at the start, and the rate at which that grows
         steady = dragged * h * wheel.drag + even_noise * wheel.force
         growing = odd_noise * wheel.force
+        odd_alone = 12.0 * c.sigma * (sign * speed[AREA] + ratio * carried[AREA])
+        steady += c.sigma * (sign * speed[INCREMENT] + ratio * carried[INCREMENT])
+        steady -= 0.5 * odd_alone
+        growing += odd_alone
         y_end = y
         place = x
         moved = 0.0
@@ -201,19 +206,33 @@ def _expand_drive(
 
 @lean
 def kick(
-    c: Constants, tau: float, h: float, increment: float, area: float, series: Floats, out: Floats
+    c: Constants,
+    tau: float,
+    h: float,
+    increment: float,
+    area: float,
+    series: Floats,
+    out: Floats,
 ) -> None:
-    """Write the displacement at the end of a time h by given noise alone (Eq. 5).
+    """Write the displacement at the end of a time h by given noise, and nothing else (Eq. 5).
 
-    Shapes: `series` as in `Scratch`; `out` (2 wheels,).
+    Shapes: `series` as of `short_flight`; `out` (2 wheels,).
     """
     for i in range(out.size):
         out[i] = 0.0
     short_flight(c, 0.0, 0.0, phase_at(c.drive, tau), h, out, increment, area, series, out)
 
 
-def pushed_by(c: Constants, tau: float, h: float, increment: float, area: float) -> Floats:
-    """`kick` as a new array."""
+def pushed_by(
+    c: Constants, tau: float, h: float, increment: float, area: float, source: int = COMMON
+) -> Floats:
+    """`kick` as a new array, by the common noise or by that of one wheel alone."""
     out = np.empty(2 * c.wheels.size)
-    kick(c, tau, h, increment, area, np.zeros((3 + c.wheels.size, MOST_TERMS)), out)
+    series = np.zeros((3 + c.wheels.size, TERMS_AND_NOISE))
+    if source != COMMON:
+        size = c.wheels[source].alone
+        series[2 + source, INCREMENT] = size * increment
+        series[2 + source, AREA] = size * area
+        increment = area = 0.0
+    kick(c, tau, h, increment, area, series, out)
     return out

@@ -17,7 +17,7 @@ from rattle.montecarlo.schemes.exact_flight import EXACT
 from rattle.montecarlo.schemes.short_flight import pushed_by
 from rattle.montecarlo.schemes.time_scales import Limit
 from rattle.scene import InputError, Scene, finite
-from rattle.scene.flight import jacobian, noise_covariance
+from rattle.scene.flight import COMMON, jacobian, noise_covariance
 from rattle.scene.linear_algebra import transform
 from rattle.scene.numpy_errors import numpy_defaults
 
@@ -126,11 +126,12 @@ def neglected_noise(scene: Scene, dt: float) -> float:
             exact[:size, :size] = noise_covariance(c, tau, h)
             whole = transform(carry, whole) + exact
             missing = transform(carry, missing) + exact
-            for kept in (
-                pushed_by(c, tau, h, math.sqrt(h), 0.0),
-                pushed_by(c, tau, h, 0.0, math.sqrt(h / 12.0)),
-            ):
-                missing[:size, :size] -= np.multiply.outer(kept, kept)
+            for source in range(COMMON, c.wheels.size):
+                for kept in (
+                    pushed_by(c, tau, h, math.sqrt(h), 0.0, source),
+                    pushed_by(c, tau, h, 0.0, math.sqrt(h / 12.0), source),
+                ):
+                    missing[:size, :size] -= np.multiply.outer(kept, kept)
             tau = end
         variance, left_out = (np.diagonal(transform(impact.read, v)) for v in (whole, missing))
         varies = variance > 0.0

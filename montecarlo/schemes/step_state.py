@@ -19,6 +19,10 @@ MOST_PARTS = 200
 """Most parts of a step that wait at once: the depth of the stack of cuts of an exact flight."""
 
 MOST_TERMS = 60  # of the Taylor series of a part of a step
+INCREMENT = MOST_TERMS
+AREA = MOST_TERMS + 1
+"""Columns beside the series of a wheel, of the noise that acts on it alone."""
+TERMS_AND_NOISE = MOST_TERMS + 2
 TOGETHER = 1e-12
 """Time in which impacts at two meshes count as one instant, and the first comes first: what a
 flight's rounding adds."""
@@ -53,16 +57,19 @@ class Scratch(NamedTuple):
     # number of wheels: a constant of kernels for one and two, whose loops it unrolls
     wheels: int
     springs: bool  # whether a spring may hold one of them; known to be none where wheels are known
+    shaken: bool  # whether noises act on single wheels alone; none where wheels are known
     # state, whole, end: present state; that at the end of the whole step, if no wall is met; and
     # that at the end of a part of it; (2 wheels,)
     state: Floats
     whole: Floats
     end: Floats
     walls: Floats  # distances of the flanks +1, -1, +2, -2, ... from their middle; (2 wheels,)
-    # Taylor series: of f' and f'', of the deviation of each wheel's speed, and zeros; (3 + wheels,
-    # terms)
+    # Taylor series: of f' and f'', of the deviation of each wheel's speed, and zeros; beside those
+    # of a wheel, increment and area of the noise on it alone; (3 + wheels, TERMS_AND_NOISE)
     series: Floats
-    ahead: Floats  # parts of the step that are still ahead; (MOST_PARTS, 3)
+    # parts of the step that are still ahead: length, increment and area of the common noise, and
+    # those of each wheel alone; (MOST_PARTS, 3 + 2 wheels)
+    ahead: Floats
     sides: Ints  # sides on which meshes are closed; 0 for an open mesh; (wheels,)
     # energies of the motions that end when meshes are closed, and those per unit of time that
     # impacts by noise would lose there; (2, wheels)
@@ -77,6 +84,12 @@ class Scratch(NamedTuple):
     choices: Ints  # (CHOICES, wheels)
     wheels_beside: Wheels
     beside: Floats  # (3, 2 wheels)
+    # of noises that act on single wheels alone: their intensities, (wheels,); increment and area
+    # of each in the time left, (2 wheels,); effect of unit normals for both on all gaps in a step,
+    # (wheels, 2, 2 wheels)
+    intensity: Floats
+    alone: Floats
+    effects: Floats
 
 
 # rows of `Scratch.choices`: sides on which meshes touch their walls, on which they stick, on which
@@ -89,6 +102,7 @@ CHOICES = 8  # number of these rows
 
 FORCING = 12
 """Most numbers that are the same for every path, of each gap in a step."""
+MARGIN = 10  # that of them which is the margin of the walls in an exact step
 
 
 class Inside(NamedTuple):

@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rattle.montecarlo.noise.brownian import Noise
+from rattle.montecarlo.schemes.alone import gather_alone
 from rattle.montecarlo.schemes.crossing import MARGIN_SDS
 from rattle.montecarlo.schemes.short_flight import kick
 from rattle.montecarlo.schemes.step_state import (
@@ -234,11 +235,13 @@ def leave_lifted(c: Constants, left: float, closed: Ints, spread: float, bodies:
         wheel = c.wheels[i]
         body = bodies[i]
         noise = c.modulates * wheel.turn * most_modulation(c.drive, body.beta) + body.own
+        noise += body.alone
         if body.root != DRIVER:
             root = bodies[body.root]
             apart = abs(root.beta - body.beta)
             noise = c.modulates * wheel.turn * apart * most_velocity(c.drive)
             noise += abs(body.own - body.carry * root.own)
+            noise += body.alone + body.carry * root.alone
         # pushes are accelerations of the gap alone
         noise *= body.mass / (wheel.mass * (1.0 - wheel.share))
         lifted = lifted or body.push <= lift * noise
@@ -284,8 +287,9 @@ def _bounce(
         push = towards * (pull + wheel.turn * c.alpha * driver[1])
         later = towards * (wheel.gamma + c.alpha * end_m)
         half = 0.5 * wheel.mass
-        power = half * noise * noise
-        more = half * end_noise * end_noise
+        alone = half * wheel.alone * wheel.alone
+        power = half * noise * noise + alone
+        more = half * end_noise * end_noise + alone
         return Bounce(wheel.mass, speed, push, later, power, more)
     # the common speed of both wheels hardly changes
     parent = c.wheels[wheel.parent]
@@ -299,7 +303,10 @@ def _bounce(
     later = side * (others - end_pull)
     half = 0.5 * mass
     rate = scratch.state[2 * i + 1]
-    return Bounce(mass, rate, push, later, half * m * m, half * end_m * end_m)
+    alone = half * wheel.shaking * wheel.shaking
+    power = half * m * m + alone
+    more = half * end_m * end_m + alone
+    return Bounce(mass, rate, push, later, power, more)
 
 
 @inline
@@ -492,6 +499,8 @@ def stick_to_end(c: Constants, at: Progress, scratch: Scratch) -> Progress:
     take_open(scratch.walls, free, walls)
     after = flow(c, at.tau, s, at.left)
     pushed = np.empty(s.size)
+    if scratch.shaken:
+        gather_alone(scratch.alone, count, scratch.bodies, scratch.choices[FREE], scratch.series)
     kick(c, at.tau, at.left, at.noise.increment, at.noise.area, scratch.series, pushed)
     for i in range(free.size):
         x = after[2 * i] + pushed[2 * i]

@@ -56,7 +56,8 @@ def time_scales(scene: Scene) -> TimeScales:
     dragged = (min(_over(w.gamma, w.beta), 2.0 * math.sqrt(w.gamma * gap)) for w in pulled)
     starting = np.abs(state[1::2]).max()
     typical = max(driven, *dragged, float(starting))
-    noise = c.sigma * (c.modulates * most + float(c.wheels["own"].max()))
+    forces = float(c.wheels["own"].max()) + float(c.wheels["shaking"].max())
+    noise = c.sigma * (c.modulates * most + forces)
     shaking = _over(gap, noise) ** (2.0 / 3.0)
     if shaking > damping:
         shaking = max(damping, _over(gap, noise * damping) ** 2)
