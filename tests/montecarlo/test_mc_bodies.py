@@ -27,6 +27,7 @@ SCENES = {
     ),
     "second of two wheels": replace(tree((0, 1)), sigma=0.3, noise=2),
     "wheel that drives two": replace(tree((0, 1, 1)), sigma=0.3, noise=1),
+    "drive and both wheels": replace(tree((0, 1)), sigma=0.2, noise={"drive": 1, 1: 0.5, 2: 2.0}),
 }
 
 
@@ -50,20 +51,49 @@ def test_schemes_agree(name):
 
 
 @pytest.mark.parametrize(
-    ("parents", "noisy", "alpha"), [((0, 1, 1), 2, 0.0), ((0, 1), 2, 1.0), ((0, 1, 1), 1, 0.5)]
+    ("parents", "noise", "alpha"),
+    [((0, 1, 1), 2, 0.0), ((0, 1), 2, 1.0), ((0, 1, 1), 1, 0.5), ((0, 1), {1: 0.5, 2: 1.0}, 1.0)],
 )
-def test_impacts_lose_what_noise_and_drive_supply(parents, noisy, alpha):
+def test_impacts_lose_what_noise_and_drive_supply(parents, noise, alpha):
     """The noise of a wheel supplies ``sigma^2 / 2`` times its mass; 5 % of that is seen."""
-    scene = replace(tree(parents, gamma=0.0), alpha=alpha, sigma=0.5, noise=noisy)
+    scene = replace(tree(parents, gamma=0.0), alpha=alpha, sigma=0.5, noise=noise)
     run = long_run(scene, periods=128, paths=128, rng=3)
     lost, supplied = run.energy_balance()
-    power = 0.5 * scene.sigma**2 * scene.tree[noisy - 1].mass
+    noisy, intensity = scene.noise_sources[-1]
+    power = 0.5 * (intensity * scene.sigma) ** 2 * scene.tree[noisy - 1].mass
 
     def z(missing):
         difference = lost - supplied + missing * power
         return abs(difference.mean()) / difference.std(ddof=1) * math.sqrt(run.paths)
 
     assert z(0.0) < 4.0 < z(0.05)
+
+
+def test_wheels_that_are_locked_together_share_their_noises():
+    """Two wheels whose mesh is pressed shut fly as one: its noise is that of both, in proportion to
+    their masses."""
+    first = Wheel(beta=0.0, gamma=0.5, gap=0.5)
+    second = Wheel(beta=0.0, gamma=2.5, gap=0.4, mass=0.6, parent=1, epsilon=0.0)
+    start = Start(state=(-0.4, 0.0, -0.4, -0.16), mesh=2)
+    pair = Scene(
+        alpha=0.0,
+        epsilon=0.8,
+        sigma=3e-3,
+        wheels=[first, second],
+        noise={1: 1.0, 2: 2.0},
+        start=start,
+    )
+    together = replace(first, gamma=(0.5 + 0.6 * 2.5) / 1.6)
+    start = Start(state=(-0.4, 0.06))
+    sigma = pair.sigma * math.hypot(1.0, 0.6 * 2.0) / 1.6
+    one = Scene(alpha=0.0, epsilon=0.8, sigma=sigma, wheels=[together], noise=1, start=start)
+    found = simulate(pair, paths=8192, impacts=1, rng=1).section
+    for scene, planted in ((one, 1.0), (one.with_sigma(1.1 * sigma), 1.1)):
+        known = simulate(scene, paths=8192, impacts=1, rng=2).section
+        for name in ("flight", "y1"):
+            se = math.hypot(found[f"se_sd_{name}"].iloc[0], known[f"se_sd_{name}"].iloc[0])
+            off = abs(found[f"sd_{name}"].iloc[0] - known[f"sd_{name}"].iloc[0]) / se
+            assert (off < 3.5) == (planted == 1.0), (name, off)
 
 
 def test_a_body_that_flies_for_long_is_not_given_up():

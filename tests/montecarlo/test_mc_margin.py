@@ -48,7 +48,7 @@ def found(distance, paths):
     lossless = {"alpha": 0.0, "epsilon": 1.0, "beta1": 0.0, "gamma1": 0.0, "stages": 1}
     c = Scene(**lossless, gap1=WALL, sigma=1.0).constants
     walls = np.full((2, 1), WALL)
-    scratch = lanes_of(1, 0, np.zeros((2, 1)), walls, TAU, 5)[1].scratch
+    scratch = lanes_of(1, 0, np.zeros((2, 1)), walls, TAU, 5, np.zeros(1))[1].scratch
     scratch.walls[:] = WALL
     key = key_of(np.random.SeedSequence(1))
     return share_that_hits(c, key, paths, distance * SPREAD, scratch)

@@ -43,6 +43,10 @@ BODIES = OSCILLATORS | {
     "noise on the second of two wheels": replace(tree((0, 1)), sigma=0.1, noise=2),
     "noise on a wheel that drives two": replace(TREES["tree of 4"], noise="2"),
 }
+SHAKEN = {
+    "table and body": replace(OSCILLATORS["one wall"], noise={"drive": 1.0, 1: 0.5}),
+    "by number and name": replace(TREES["tree of 4"], noise={"drive": 1, 1: 0.2, "3": 0.5}),
+}
 
 
 def oracle_of(scene):
@@ -142,6 +146,21 @@ def test_noise_of_a_flight_is_that_of_an_ode_solver(name):
 
 
 @pytest.mark.parametrize("name", BODIES)
+def test_covariances_of_independent_noises_add(name):
+    scene = BODIES[name]
+    intensities = {"drive": 1.0} | {i: 0.3 + i for i in range(1, scene.stages + 1)}
+
+    def covariance(noise):
+        return noise_covariance(replace(scene, noise=noise).constants, 0.4, 7.0)
+
+    parts = [size**2 * covariance(source) for source, size in intensities.items()]
+    assert covariance(intensities) == pytest.approx(sum(parts), rel=1e-12)
+    assert covariance(intensities) != pytest.approx(sum(parts[:-1]), rel=1e-3)
+    del intensities["drive"]
+    assert covariance(intensities) == pytest.approx(sum(parts[1:]), rel=1e-12)
+
+
+@pytest.mark.parametrize("name", BODIES)
 def test_derivatives_are_differences(name):
     c = BODIES[name].constants
     state = np.linspace(-0.3, 0.4, 2 * c.wheels.size)
@@ -192,9 +211,9 @@ def test_a_free_oscillator_keeps_its_energy_but_for_impacts(walls):
         assert half == pytest.approx(math.pi / math.sqrt(body.stiffness), rel=1e-12)
 
 
-@pytest.mark.parametrize("name", BODIES)
+@pytest.mark.parametrize("name", BODIES | SHAKEN)
 def test_a_scene_of_bodies_comes_back_from_its_file(name):
-    scene = BODIES[name]
+    scene = (BODIES | SHAKEN)[name]
     again = Scene.from_toml(scene.to_toml())
     assert again == scene
     assert ("body" in scene.to_dict()) is not scene.is_gears
@@ -209,6 +228,23 @@ REFUSED = {
     "memory": (
         {},
         {"noise": "ball", "correlation_time": 0.3},
+        "correlation_time",
+        0.3,
+        "a random force is white",
+    ),
+    "two noises of one body": (
+        {},
+        {"noise": {1: 0.2, "ball": 0.3}},
+        "noise",
+        None,
+        "each source once",
+    ),
+    "no noise at all": ({}, {"noise": {"ball": 0.0}}, "noise", None, "one that is not 0"),
+    "noise below 0": ({}, {"noise": {"ball": -1.0}}, "noise.ball", -1.0, "0 or greater"),
+    "noise of the drive": ({}, {"noise": {"drive": 2.0}}, "noise.drive", 2.0, "is sigma itself"),
+    "memory of two noises": (
+        {},
+        {"noise": {"drive": 1, "ball": 1.0}, "correlation_time": 0.3},
         "correlation_time",
         0.3,
         "a random force is white",

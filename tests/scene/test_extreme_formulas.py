@@ -207,7 +207,7 @@ def steps():
 def fly_step(c, tau, h, s):
     """The end of a part of a step without noise."""
     end = np.empty(s.size)
-    series = np.zeros((3 + c.wheels.size, short.MOST_TERMS))
+    series = np.zeros((3 + c.wheels.size, short.TERMS_AND_NOISE))
     short.short_flight(c, c.alpha, 1.0, short.phase_at(c.drive, tau), h, s, 0.0, 0.0, series, end)
     return end
 
