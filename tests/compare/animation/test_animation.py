@@ -13,7 +13,7 @@ from matplotlib.path import Path as Polygon
 
 from rattle import DAT21, InputError, Record, Scene, Start, Tolerance, animate, follow, simulate
 from rattle.compare.animation import record
-from rattle.compare.animation.page import (
+from rattle.compare.animation.teeth import (
     PLAY,
     TOOTH,
     DrawnWheel,
