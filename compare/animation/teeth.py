@@ -11,6 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rattle.compare.animation.drawing import Drawing, Part
+from rattle.compare.animation.record import Recording
 from rattle.scene import Floats, Scene
 
 PITCH_RADIUS = 90.0  # of the pitch circles in the drawing
@@ -25,6 +27,20 @@ PLAY = 0.3
 TOOTH = 0.35
 """Largest backlash, and width of a tooth of wheel 1, as shares of the pitch."""
 FLANK = 7  # points of a flank
+FLASH = 9.0  # from the middle of a mesh to where an impact at a flank flashes
+
+
+def draw_teeth(shown: Recording) -> Drawing:
+    """Draw the tree of wheels."""
+    scene = shown.scene
+    gaps = scene.noise_free.constants.wheels["wall"].tolist()
+    toothings = place_toothings(scene, [PLAY * gap / max(gaps) for gap in gaps])
+    # of a displacement, to the drawing
+    scale = PLAY * DrawnWheel(PITCH_RADIUS, TOOTH).pitch / (2.0 * max(gaps))
+    turn = math.degrees(scale / PITCH_RADIUS)
+    parts = [Part(one.body, turn * one.factor, one.rest, "rotate(") for one in toothings]
+    sparks = [(-FLASH, FLASH) if wheel.parent else (FLASH, -FLASH) for wheel in scene.tree]
+    return Drawing(parts, sparks, {"radius": PITCH_RADIUS, "toothings": toothings})
 
 
 @dataclass(frozen=True)
