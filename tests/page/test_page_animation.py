@@ -80,8 +80,10 @@ CLEAR = """(i => {
 def test_a_body_is_on_its_wall_at_an_impact_and_never_beyond(browser, name, tmp_path):
     scene = Scene.load(Path(__file__).parents[2] / "examples" / f"{name}.toml")
     drawn = animate(scene, impacts=6, rng=1)
-    browser.open(drawn.save(tmp_path / "bodies.html"))
+    browser.open(drawn.save(tmp_path / "bodies.html"), 390)
     assert browser.complaints() == []
+    assert browser.run("document.documentElement.scrollWidth") <= 390
+    assert browser.run(OVERLAPS) == []
     browser.run("set(false)")
     for i, motion in enumerate((drawn.recording.orbit, drawn.recording.path)):
         for k, code in enumerate(motion.code):

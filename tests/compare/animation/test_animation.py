@@ -303,9 +303,11 @@ def test_command(tmp_path, monkeypatch):
     rattle(f"{words} --overwrite")
 
 
-def test_the_documentation_shows_the_animation_of_today():
-    """Made anew by ``rattle animate --out docs/_static/animation.html --overwrite``."""
-    page = (ROOT / "docs" / "_static" / "animation.html").read_text()
+@pytest.mark.parametrize("name", ["animation", "ball"])
+def test_the_documentation_shows_the_animation_of_today(name):
+    """Made anew by ``rattle animate --out docs/_static/animation.html --overwrite`` and ``rattle
+    animate examples/ball.toml --impacts 6 --out docs/_static/ball.html --overwrite``."""
+    page = (ROOT / "docs" / "_static" / f"{name}.html").read_text()
     assert len(page.encode()) < MOST_BYTES
     for part in ("animation.css", "animation.js"):
         assert (ROOT / "compare" / "animation" / "templates" / part).read_text() in page
