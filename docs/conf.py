@@ -102,6 +102,7 @@ sphinx_gallery_conf = {
 html_theme = "pydata_sphinx_theme"
 html_static_path = ["_static"]
 html_css_files = ["site.css"]
+html_js_files = ["animation-height.js"]
 html_show_sourcelink = False
 html_copy_source = False
 html_theme_options = {

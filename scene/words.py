@@ -12,6 +12,7 @@ class Words:
 
     wheel: str = "wheel"
     mesh: str = "mesh"
+    flank: str = "flank"
     stage: str = "stage"
     system: str = "gear pair"
     changes: Mapping[str, str] = field(default_factory=dict)
@@ -76,6 +77,7 @@ CHANGES = {
 BODIES = Words(
     wheel="body",
     mesh="contact",
+    flank="wall",
     stage="body",
     system="system",
     changes=CHANGES

@@ -1,2 +1,2 @@
-"""An animation of the rattling wheels: the noise-free orbit beside one noisy path, as one
-self-contained HTML file."""
+"""An animation of rattling wheels or bouncing bodies: the noise-free orbit beside one noisy path,
+as one self-contained HTML file."""

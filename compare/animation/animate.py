@@ -17,7 +17,8 @@ HEIGHT = 760  # pixels of an animation in a notebook
 @numpy_defaults
 @dataclass(frozen=True, repr=False)
 class Animation:
-    """The moving wheels of a scene, from `animate`: the noise-free orbit beside one noisy path.
+    """The moving wheels or bodies of a scene, from `animate`: the noise-free orbit beside one noisy
+    path.
 
     Attributes
     ----------
@@ -84,7 +85,7 @@ def animate(
     rng: Rng = 0,
     name: str = "scene",
 ) -> Animation:
-    """Draw the moving wheels of a scene: the noise-free orbit beside one noisy path.
+    """Draw the moving wheels or bodies of a scene: the noise-free orbit beside one noisy path.
 
     Parameters
     ----------

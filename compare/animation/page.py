@@ -1,76 +1,62 @@
 """Writes an animation as one HTML file that needs no other: its drawings, its data and its script
-are inside.
-
-Involute teeth transmit rotation at a constant ratio, so the play between two wheels, measured along
-the pitch circle, is the same in every position: the teeth of the drawing touch if and only if a
-displacement is that of its wall.
-"""
+are inside."""
 
 import math
 import re
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from markupsafe import Markup
 
+from rattle.compare.animation.bodies import draw_bodies
+from rattle.compare.animation.drawing import places
 from rattle.compare.animation.record import ANIMATED_SCHEME, Motion, Recording
+from rattle.compare.animation.teeth import draw_teeth
 from rattle.compare.report.folder import check_own, check_place, refusals, write_whole
 from rattle.compare.report.json_text import Facts, json_text
 from rattle.compare.report.render import render_animation
 from rattle.compare.report.texts import wheel_label
-from rattle.scene import Floats, OutputError, Scene, line
-from rattle.scene.drive import PERIOD, driver_motion
+from rattle.scene import Floats, OutputError, line
+from rattle.scene.drive import PERIOD
 
 GENERATOR = '<meta name="generator" content="rattle animate">'
 """In the head of every animation; a file without it is never replaced."""
-PITCH_RADIUS = 90.0  # of the pitch circles in the drawing
 # seconds of watching: for a period, and for each of the impacts of a shorter time
 SECONDS_OF_A_PERIOD = 10.0
+SECONDS_OF_A_SWING = 4.0  # of bodies, whose flights may be longer
 SECONDS_OF_AN_IMPACT = 0.9
 FEW_IMPACTS = 24
 # inner coordinates of a strip
 STRIP_WIDTH = 10_000
 HIGH = 1000
-STRIP_HEIGHT = 1.3  # height of a strip in half gaps
+STRIP_HEIGHT = 1.3  # height of a strip in gaps, or in what a body goes through before its one wall
+CLEAR = 0.15  # share of that which is left free beside the label of the wall
 DIGITS = 4  # of a displacement: a thousandth of a backlash
 MOST_TAU = 1e4  # beyond it time is counted from the start
 SUBSCRIPTS = str.maketrans("0123456789", "₀₁₂₃₄₅₆₇₈₉")
-TEETH = 12
-PRESSURE = math.radians(25.0)
-"""Pressure angle; with 25 degrees a wheel of 12 teeth needs no undercut."""
-ADDENDUM = 0.8
-DEDENDUM = 1.05
-"""Height of a tooth above and depth below the pitch circle, in modules; 1.09 pairs of teeth are in
-mesh on average."""
-PLAY = 0.3
-TOOTH = 0.35
-"""Largest backlash, and width of a tooth of wheel 1, as shares of the pitch."""
-FLANK = 7  # points of a flank
 
 
 def animation(shown: Recording, name: str, command: str = "") -> str:
     """The text of an animation's HTML file."""
     scene = shown.scene
-    gaps = scene.noise_free.constants.wheels["wall"].tolist()
+    words = scene.words
+    drawing = draw_bodies(shown) if scene.bodies else draw_teeth(shown)
     begin = scene.start.tau if abs(scene.start.tau) <= MOST_TAU else 0.0
     ms = None if scene.gears is None else 1000.0 / scene.gears.omega
-    # of a displacement, to the drawing
-    scale = PLAY * DrawnWheel(PITCH_RADIUS, TOOTH).pitch / (2.0 * max(gaps))
-    toothings = place_toothings(scene, [PLAY * gap / max(gaps) for gap in gaps])
     data = {
         "span": shown.span,
         "phase": scene.phase,
         "alpha": scene.alpha,
         "drive": [[one.order, one.amplitude, one.phase] for one in scene.drive],
-        "turn": math.degrees(scale / PITCH_RADIUS),
         "parents": [wheel.parent for wheel in scene.tree],
         "ratios": [wheel.ratio for wheel in scene.tree],
-        "drawn": [(one.body, one.factor, one.rest) for one in toothings],
+        "parts": drawing.parts,
+        "sparks": drawing.sparks,
+        "words": [words.mesh, words.flank],
         "seconds": max(
-            SECONDS_OF_A_PERIOD * shown.span / PERIOD,
+            (SECONDS_OF_A_SWING if scene.bodies else SECONDS_OF_A_PERIOD) * shown.span / PERIOD,
             SECONDS_OF_AN_IMPACT * min(shown.orbit.impacts, FEW_IMPACTS),
         ),
         "offset": begin,
@@ -79,19 +65,23 @@ def animation(shown: Recording, name: str, command: str = "") -> str:
         "ms": ms,
         "paths": [_numbers(motion) for motion in (shown.orbit, shown.path)],
     }
+    at_start = places(scene, shown.orbit)[:, 0].tolist()
+    numbers = range(1, scene.stages + 1)
     return render_animation(
         generator=Markup(GENERATOR),
         data=Markup(json_text(data, indent=None)),
         name=line(name),
         shown=shown,
         command=line(command),
-        radius=PITCH_RADIUS,
-        toothings=list(zip(toothings, _turns(shown, scale, toothings), strict=True)),
-        own=sorted((one for one in toothings if one.is_own), key=lambda one: one.body),
-        names=["driver", *(f"wheel {i}" for i in range(1, scene.stages + 1))],
-        labels=["driver", *(f"wheel {wheel_label(scene, i + 1)}" for i in range(scene.stages))],
-        strips=[_strip(shown, mesh, gap) for mesh, gap in enumerate(gaps, 1)],
-        ticks=list(_ticks(begin, shown.span)),
+        drawing=drawing.facts,
+        transforms=[part.at(at_start) for part in drawing.parts],
+        names=["driver", *(f"{words.wheel} {i}" for i in numbers)],
+        labels=["driver", *(f"{words.wheel} {wheel_label(scene, i)}" for i in numbers)],
+        strips=[_strip(shown, mesh) for mesh in numbers],
+        ticks=[
+            (round(100.0 * (time - begin) / shown.span, 3), label)
+            for time, label in _ticks(begin, shown.span, 6.5)
+        ],
         ms=ms,
         begin=begin,
         scheme=ANIMATED_SCHEME,
@@ -138,190 +128,61 @@ def _numbers(motion: Motion) -> Mapping[str, Any]:
     }
 
 
-def _turns(shown: Recording, scale: float, toothings: "Sequence[Toothing]") -> list[float]:
-    """Angles of the toothings at the start, in degrees clockwise; see `animation.js`."""
-    scene = shown.scene
-    moved = [scene.alpha * float(driver_motion(scene.constants.drive, scene.phase))]
-    for wheel, x in zip(scene.tree, shown.orbit.x[0].tolist(), strict=True):
-        parent = int(wheel.parent)
-        moved.append(wheel.ratio * moved[parent] + (x if parent else -x))
-    turn = math.degrees(scale / PITCH_RADIUS)
-    return [round(one.rest + turn * one.factor * moved[one.body], 3) for one in toothings]
-
-
-def _ticks(begin: float, span: float) -> Iterator[tuple[float, str]]:
-    """Ticks of the time axis: place in percent, and label."""
+def _ticks(begin: float, span: float, most: float) -> Iterator[tuple[float, str]]:
+    """Round numbers on an axis, and their labels; steps between them: at most `most`, 4 or more."""
     power = 10.0 ** math.floor(math.log10(span / 4.0))
-    step = next(power * n for n in (1, 2, 5, 10) if span / (power * n) <= 6.5)
+    step = next(power * n for n in (1, 2, 5, 10) if span / (power * n) <= most)
     for k in range(math.ceil(begin / step), math.floor((begin + span) / step) + 1):
-        yield round(100.0 * (k * step - begin) / span, 3), f"{k * step:.10g}".replace("-", "−")
+        yield k * step, f"{k * step:.10g}".replace("-", "−")
 
 
-def _strip(shown: Recording, mesh: int, gap: float) -> Facts:
+def _strip(shown: Recording, mesh: int) -> Facts:
     """The displacement at a mesh over time, for the template.
 
-    Returns: ``mesh``, ``ticks`` (height of a tick from the top in percent, and its label),
-    ``curves`` (name and SVG points of each path), ``marks`` (name of the path, number of the
-    impact, and its place from left and top in percent) and ``band`` (half the height of the band in
-    which a flank of a toleranced gap lies, in percent; 0 for none).
+    Returns: ``mesh``, ``ticks`` (height of a tick from the top in percent, its label, and whether a
+    wall is there), ``curves`` (name and SVG points of each path), ``marks`` (name of the path,
+    number of the impact, and its place from left and top in percent) and ``band`` (half the height
+    of the band in which a flank of a toleranced gap lies, in percent; 0 for none).
     """
     scene = shown.scene
+    wheel = scene.tree[mesh - 1]
     random = scene.tolerance is not None and scene.tolerance.distribution != "fixed"
-    c_max = scene.tree[mesh - 1].tolerance if random else 0.0
-    top = max(STRIP_HEIGHT * gap, 1.1 * (gap + c_max))
+    c_max = wheel.tolerance if random else 0.0
+    gap = float(scene.noise_free.constants.wheels["wall"][mesh - 1])
+    half = max(STRIP_HEIGHT * gap, 1.1 * (gap + c_max))
+    middle = 0.0
     label = f"{(scene.gears.units.length if scene.gears else 1.0) * gap:.3g}"
-    heights = {f"+{label}": gap, "0": 0.0, f"−{label}": -gap}
+    values = [(gap, f"+{label}", True), (0.0, "0", False), (-gap, f"−{label}", True)]
+    paths = (("orbit", shown.orbit), ("path", shown.path))
+    if wheel.one_sided:
+        span = gap - min(float(motion.x[:, mesh - 1].min()) for _, motion in paths)
+        middle = gap - 0.5 * span
+        half = 0.5 * STRIP_HEIGHT * span
+        values = [(gap, label, True)]
+        for x, text in _ticks(gap - span, (1.0 - CLEAR) * span, 4.0):
+            values.append((x, text, False))
+    if scene.bodies and not wheel.parent:
+        half = -half  # up is where the body is
+
+    def height(x: Any) -> Any:
+        return 0.5 - 0.5 * (x - middle) / half
+
     curves = []
     marks = []
-    for name, motion in (("orbit", shown.orbit), ("path", shown.path)):
-        x = motion.x[:, mesh - 1]
-        places = zip((motion.time / shown.span).tolist(), _height(x, top).tolist(), strict=True)
-        curves.append((name, " ".join(f"{STRIP_WIDTH * a:.0f},{HIGH * b:.0f}" for a, b in places)))
+    for name, motion in paths:
+        heights = height(motion.x[:, mesh - 1]).tolist()
+        points = zip((motion.time / shown.span).tolist(), heights, strict=True)
+        curves.append((name, " ".join(f"{STRIP_WIDTH * a:.0f},{HIGH * b:.0f}" for a, b in points)))
         left = 100.0 * motion.impact_time / shown.span
-        down = 100.0 * _height(motion.impact_x, top)
+        down = 100.0 * height(motion.impact_x)
         for k in np.flatnonzero(np.abs(motion.code) == mesh).tolist():
             marks.append((name, k, round(float(left[k]), 3), round(float(down[k]), 2)))
     return {
         "mesh": mesh,
         "subscript": str(mesh).translate(SUBSCRIPTS),
-        "parent": scene.tree[mesh - 1].parent,
-        "ticks": [(round(100.0 * _height(x, top), 3), text) for text, x in heights.items()],
+        "parent": wheel.parent,
+        "ticks": [(round(100.0 * height(x), 3), text, is_wall) for x, text, is_wall in values],
         "curves": curves,
         "marks": marks,
-        "band": round(50.0 * c_max / top, 3),
+        "band": round(50.0 * c_max / abs(half), 3),
     }
-
-
-def _height(x: Any, top: float) -> Any:
-    """Share of a strip's height from its top."""
-    return 0.5 - 0.5 * x / top
-
-
-@dataclass(frozen=True)
-class Toothing:
-    """A toothing as it is drawn: that of a wheel, or another one on the same shaft."""
-
-    body: int  # its wheel; 0 for the driver
-    depth: int  # meshes between its wheel and the driver
-    row: int
-    ratio: float  # of its displacement to that of its wheel's own toothing
-    width: float  # of a tooth, as a share of the pitch
-    is_own: bool  # whether its wheel meshes with the parent there
-
-    @property
-    def is_odd(self) -> bool:
-        """Whether its gaps hold the teeth of both neighbours."""
-        return self.depth % 2 == 1
-
-    @property
-    def rest(self) -> float:
-        """Its angle without displacement: a gap at each mesh, or a tooth of the neighbours."""
-        if self.is_odd:
-            return 180.0 / TEETH
-        return 180.0 if self.depth else 0.0
-
-    @property
-    def factor(self) -> float:
-        """Of the displacement of its wheel, to its rotation: neighbours turn against each other."""
-        return self.ratio if self.is_odd else -self.ratio
-
-    @property
-    def outline(self) -> str:
-        """Its outline as the data of an SVG path."""
-        return outline(DrawnWheel(PITCH_RADIUS, self.width))
-
-
-def place_toothings(scene: Scene, plays: Sequence[float]) -> list[Toothing]:
-    """Lay out the tree from left to right, the toothings of a shaft one below the other.
-
-    A wheel an odd number of meshes behind the driver has gaps for its parent's teeth on the left
-    and those of one wheel on the right; all further meshes have toothings of their own.
-
-    `plays`: Backlash of each mesh as a share of the pitch.
-    """
-    tree = scene.tree
-    depths = [0]
-    for wheel in tree:
-        depths.append(depths[int(wheel.parent)] + 1)
-
-    def below(parent: int) -> Iterator[int]:
-        meshing = [i for i, wheel in enumerate(tree, 1) if wheel.parent == parent]
-        for i in sorted(meshing, key=lambda i: tree[i - 1].ratio != 1.0):
-            yield i
-            yield from below(i)
-
-    toothings: list[Toothing] = []
-    rows = {0: -1}
-    taken = {0}  # wheels whose right side is not free
-    last = -1
-    for i in below(0):
-        parent = int(tree[i - 1].parent)
-        ratio = tree[i - 1].ratio
-        odd = depths[i] % 2 == 1
-        other = 1.0 - TOOTH - plays[i - 1]
-        rows[i] = rows[parent]
-        if odd or parent in taken or ratio != 1.0:
-            last += 1
-            rows[i] = last
-            width = other if odd else TOOTH
-            toothings.append(Toothing(parent, depths[parent], last, ratio, width, False))
-        taken.add(parent)
-        width = TOOTH if odd else other
-        toothings.append(Toothing(i, depths[i], rows[i], 1.0, width, True))
-    return toothings
-
-
-@dataclass(frozen=True)
-class DrawnWheel:
-    """A toothed wheel of `TEETH` teeth."""
-
-    radius: float
-    width: float
-
-    @property
-    def module(self) -> float:
-        """Diameter of the pitch circle over the number of teeth."""
-        return 2.0 * self.radius / TEETH
-
-    @property
-    def pitch(self) -> float:
-        """Distance of two teeth along the pitch circle."""
-        return math.pi * self.module
-
-    def half_angle(self, radius: float) -> float:
-        """Half the angle that a tooth spans at a radius.
-
-        `radius`: From the root to the tip; below the base circle the flank is radial.
-        """
-        base = self.radius * math.cos(PRESSURE)
-        at = math.acos(min(base / radius, 1.0))
-        at_pitch = 0.5 * self.width * self.pitch / self.radius
-        return at_pitch + (math.tan(PRESSURE) - PRESSURE) - (math.tan(at) - at)
-
-
-def outline(wheel: DrawnWheel) -> str:
-    """The outline of a wheel as the data of an SVG path; the middle of a tooth points along the x
-    axis."""
-    root = wheel.radius - DEDENDUM * wheel.module
-    tip = wheel.radius + ADDENDUM * wheel.module
-    base = wheel.radius * math.cos(PRESSURE)
-    radii = np.append(root, np.linspace(base, tip, FLANK))
-    half = np.array([wheel.half_angle(radius) for radius in radii])
-    along_root = f"A{root:.1f} {root:.1f} 0 0 1 "
-    along_tip = f"A{tip:.1f} {tip:.1f} 0 0 1 "
-    teeth = []
-    for middle in 2.0 * math.pi / TEETH * np.arange(TEETH):
-        rising = _line(radii, middle - half)
-        falling = _line(radii[::-1], middle + half[::-1])
-        teeth.append(f"{rising}{along_tip}{falling}")
-    start = teeth[0].split("L")[0]
-    return f"M{along_root.join(teeth)}{along_root}{start}Z"
-
-
-def _line(radius: Floats, angle: Floats) -> str:
-    """Points in polar coordinates as a line of an SVG path."""
-    first, *others = (
-        f"{x:.2f} {y:.2f}"
-        for x, y in zip(radius * np.cos(angle), radius * np.sin(angle), strict=True)
-    )
-    return f"{first}L{' '.join(others)}"

@@ -75,7 +75,7 @@ class Recording:
         """How many impacts there are, and how long both go together."""
         return (
             f"{self.orbit.impacts} impacts without noise, {self.path.impacts} with noise in the"
-            f" same time; the same flanks up to impact {self.agreement}"
+            f" same time; the same {self.scene.words.flank}s up to impact {self.agreement}"
         )
 
 
@@ -87,12 +87,6 @@ def check_recording(scene: Scene, periods: int | None, impacts: int | None, seed
         count("impacts", impacts, most=MOST_FOLLOWED)
     count("periods", SHOWN_PERIODS if periods is None else periods, most=MOST_PERIODS)
     count("seed", seed, least=0)
-    if scene.bodies:
-        why = (
-            "an animation draws gear wheels; the motion of bodies is drawn by"
-            " rattle.follow(scene, impacts=12).plot(), and rattle simulate has its moments"
-        )
-        raise InputError("scene", scene.wheel_names, why)
     if not is_random(scene):
         raise InputError(
             "sigma",

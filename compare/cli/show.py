@@ -79,7 +79,7 @@ def animate(
     out: Path | None,
     overwrite: bool,
 ) -> None:
-    """Draw the moving wheels of a scene in one HTML file.
+    """Draw the moving wheels or bodies of a scene in one HTML file.
 
     The noise-free orbit beside one noisy path that starts with it. SCENE is a TOML file, DAT21 if
     none is given. The file has less than 1 MB and needs no other; open it in any browser.

@@ -5,6 +5,7 @@ A ball on a shaking table
 Under gravity and a random force, from ``examples/ball.toml``.  Above, the motion without noise:
 :math:`x_1` is table less ball, so up is down here, and the ball strikes at 0.  Below, the speed
 before the first and the fourth impact of noisy paths, beside the densities of two closures.
+``rattle animate examples/ball.toml`` shows table and ball in motion.
 """
 
 import matplotlib.pyplot as plt

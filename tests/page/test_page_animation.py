@@ -1,5 +1,7 @@
-"""The animation in a real browser: loading, layout, one flash for each impact, controls, reduced
-motion."""
+"""The animation in a real browser: loading, layout, one flash for each impact, bodies on their
+walls, controls, reduced motion."""
+
+from pathlib import Path
 
 import pytest
 
@@ -59,6 +61,38 @@ def test_each_impact_flashes_at_its_mesh(browser, page, shown):
             assert browser.run(f"go(paths[{i}].hits[{k}]), {SHOWN}")[i][mesh - 1] == k + 1
     assert browser.run(f"go(0), {SHOWN}") == [[0, 0], [0, 0]]
     assert browser.run(f"go(paths[0].hits[0] - 1e-6), {SHOWN}")[0] == [0, 0]
+
+
+CLEAR = """(i => {
+  const picture = document.querySelectorAll('.bodies')[i], half = 18;
+  const place = part => part.getCTM().f / part.getCTM().a;
+  const body = place(picture.querySelector('.body'));
+  const walls = [...picture.querySelectorAll('.wall')].map(wall => {
+    const upper = place(wall) + wall.y.baseVal.value, below = wall.y.baseVal.value > 0;
+    return below ? upper - (body + half) : body - half - (upper + wall.height.baseVal.value);
+  });
+  return [walls[0], walls.at(-1)];
+})"""
+"""How far a drawn body is from its walls + and -."""
+
+
+@pytest.mark.parametrize("name", ["ball", "oscillator", "impact-pair"])
+def test_a_body_is_on_its_wall_at_an_impact_and_never_beyond(browser, name, tmp_path):
+    scene = Scene.load(Path(__file__).parents[2] / "examples" / f"{name}.toml")
+    drawn = animate(scene, impacts=6, rng=1)
+    browser.open(drawn.save(tmp_path / "bodies.html"), 390)
+    assert browser.complaints() == []
+    assert browser.run("document.documentElement.scrollWidth") <= 390
+    assert browser.run(OVERLAPS) == []
+    browser.run("set(false)")
+    for i, motion in enumerate((drawn.recording.orbit, drawn.recording.path)):
+        for k, code in enumerate(motion.code):
+            clear = browser.run(f"go(paths[{i}].hits[{k}]), {CLEAR}({i})")
+            assert clear[0 if code > 0 else 1] == pytest.approx(0.0, abs=0.02)
+            assert browser.run(f"go(paths[{i}].hits[{k}]), {SHOWN}")[i] == [k + 1]
+        all_along = f"[...Array(500).keys()].flatMap(k => (go(k / 500 * data.span), {CLEAR}({i})))"
+        assert min(browser.run(all_along)) > -0.02
+        assert max(browser.run(all_along)) > 50.0
 
 
 def test_controls(browser, page, shown):

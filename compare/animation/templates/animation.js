@@ -12,7 +12,7 @@ const signs = {1: "+", "-1": "−"};
 const paths = ["orbit", "path"].map((key, i) => {
   const section = document.querySelector(`section.${key}`), path = data.paths[i];
   return {
-    ...path, turning: all(section, ".turning"), flashes: all(section, ".flash"), words: all(section, ".hit"),
+    ...path, moving: all(section, ".moving"), flashes: all(section, ".flash"), words: all(section, ".hit"),
     count: section.querySelector(".count"), last: section.querySelector(".last"),
     marks: Object.fromEntries(all(document, `.mark.${key}`).map(mark => [mark.dataset.k, mark])),
   };
@@ -36,16 +36,17 @@ function between(path, x) {  // a displacement, on the straight line between two
   return x[i - 1] + share * (x[i] - x[i - 1]);
 }
 
-function turn(path, driver) {
-  // of the driver and each wheel; positive ones of driver and wheel 1 are upwards at mesh 1
-  const moved = [driver];
-  data.parents.forEach((parent, i) => {
-    const x = between(path, path.x[i]);
-    moved.push(data.ratios[i] * moved[parent] + (parent ? x : -x));
+function move(path, driver) {
+  // of the driver and each wheel or body, as `drawing.places` has it, and after these the displacements
+  const xs = path.x.map(x => between(path, x)), places = [driver];
+  xs.forEach((x, i) => {
+    const parent = data.parents[i];
+    places.push(data.ratios[i] * places[parent] + (parent ? x : -x));
   });
-  path.turning.forEach((toothing, i) => {
-    const [wheel, factor, rest] = data.drawn[i];
-    toothing.setAttribute("transform", `rotate(${rest + factor * moved[wheel] * data.turn % 360})`);
+  places.push(...xs);
+  path.moving.forEach((part, i) => {
+    const [place, factor, rest, change] = data.parts[i], moved = factor * places[place];
+    part.setAttribute("transform", `${change}${rest + (change === "rotate(" ? moved % 360 : moved)})`);
   });
 }
 
@@ -53,7 +54,7 @@ function flash(path) {
   const lit = LIT * rate, many = below(path.hits, now);
   path.count.textContent = `impact ${many ? path.numbers[many - 1] : 0}`;
   const code = many ? path.codes[many - 1] : 0;
-  path.last.textContent = code ? `, at mesh ${Math.abs(code)}, flank ${signs[Math.sign(code)]}` : "";
+  path.last.textContent = code ? `, at ${data.words[0]} ${Math.abs(code)}, ${data.words[1]} ${signs[Math.sign(code)]}` : "";
   const first = below(path.hits, now - lit), recent = [];
   for (let k = first; k < many; k++) recent.push(k);
   path.flashes.forEach((star, i) => {
@@ -61,9 +62,9 @@ function flash(path) {
     const shown = mine !== undefined;
     star.style.visibility = path.words[i].style.visibility = shown ? "visible" : "hidden";
     if (!shown) return;
-    const age = (now - path.hits[mine]) / lit, side = Math.sign(path.codes[mine]);
+    const age = (now - path.hits[mine]) / lit, height = data.sparks[i][path.codes[mine] > 0 ? 1 : 0];
     const size = calm.matches ? 0.75 : 0.85 - 0.4 * age;
-    star.setAttribute("transform", `translate(0 ${(data.parents[i] ? 9 : -9) * side}) scale(${size})`);
+    star.setAttribute("transform", `translate(0 ${height}) scale(${size})`);
     star.dataset.impact = path.numbers[mine];
   });
   path.lit?.forEach(mark => mark.classList.remove("lit"));
@@ -77,7 +78,7 @@ function motion(angle) {
 
 function draw() {
   const angle = data.phase + now, driver = data.alpha * motion(angle), share = 100 * now / data.span;
-  paths.forEach(path => { turn(path, driver); flash(path); });
+  paths.forEach(path => { move(path, driver); flash(path); });
   cursors.forEach(line => { line.setAttribute("x1", `${share}%`); line.setAttribute("x2", `${share}%`); });
   const degrees = ((angle * DEGREES) % 360 + 360) % 360;
   document.querySelector(".hand").setAttribute("transform", `rotate(${degrees})`);

@@ -11,9 +11,20 @@ import pytest
 from commands import rattle
 from matplotlib.path import Path as Polygon
 
-from rattle import DAT21, InputError, Record, Scene, Start, Tolerance, animate, follow, simulate
+from rattle import (
+    DAT21,
+    InputError,
+    Record,
+    Scene,
+    Start,
+    Tolerance,
+    Wheel,
+    animate,
+    follow,
+    simulate,
+)
 from rattle.compare.animation import record
-from rattle.compare.animation.page import (
+from rattle.compare.animation.teeth import (
     PLAY,
     TOOTH,
     DrawnWheel,
@@ -140,6 +151,83 @@ def test_teeth_touch_where_the_backlash_ends(drive, side):
     assert overlap(1.06 * side * gap)
 
 
+SYSTEMS = {
+    "two walls and a spring": Scene(
+        alpha=1.0,
+        epsilon=0.8,
+        sigma=0.1,
+        wheels=[Wheel(stiffness=4.0, beta=0.1, gap=0.3)],
+        start=Start(y1=1.0),
+    ),
+    "a ball within another": Scene(
+        alpha=1.0,
+        epsilon=0.8,
+        sigma=0.05,
+        noise=2,
+        wheels=[Wheel(gamma=0.2, gap=0.8), Wheel(gap=0.4, mass=0.3, parent=1, ratio=0.7)],
+        start=Start(y1=1.0, y2=0.5),
+    ),
+} | {
+    name: Scene.load(ROOT / "examples" / f"{name}.toml")
+    for name in ("ball", "oscillator", "impact-pair")
+}
+
+
+def script_data(page):
+    """What the script of an animation is given."""
+    return json.loads(re.search(r'id="data">(.*?)</script>', page, re.DOTALL)[1])
+
+
+@pytest.mark.parametrize("name", SYSTEMS)
+def test_bodies_are_drawn_where_the_model_has_them(name):
+    """Driver and bodies at their places in one scale, up is up; a body is on a wall at each impact
+    there, never beyond one, and its spring reaches from the frame to it."""
+    scene = SYSTEMS[name]
+    drawn = animate(scene, impacts=8, rng=1)
+    data = script_data(drawn.html)
+    scale = -data["parts"][0][1]
+    assert scale > 0.0
+    picture = drawn.html.split('<svg class="wheels bodies')[1].split("</svg>")[0]
+    columns = picture.split('<g class="moving frame')[1:]
+    orbit = follow(scene.noise_free, 8)
+    recorded = drawn.recording.orbit
+    rounding = 0.02  # of a height in the file
+    for motion, given in zip((recorded, drawn.recording.path), data["paths"], strict=True):
+        xs = np.array(given["x"])
+        if motion is recorded:
+            states = np.transpose([orbit.state(scene.phase + t)[::2] for t in motion.time])
+            np.testing.assert_allclose(xs, states, rtol=5.1e-4, atol=1e-12)  # four digits
+        # x is driver less body, and between two bodies the second less the one that it strikes
+        places = [scene.alpha * np.sin(scene.phase + np.array(given["t"]))]
+        for wheel, x in zip(scene.tree, xs, strict=True):
+            struck = wheel.ratio * places[wheel.parent]
+            places.append(struck + x if wheel.parent else struck - x)
+        drawn_at = iter([rest + factor * [*places, *xs][i] for i, factor, rest, _ in data["parts"]])
+        codes = dict(zip(given["hits"], given["codes"], strict=True))
+        for i, (wheel, column) in enumerate(zip(scene.tree, columns, strict=True), 1):
+            frame = next(drawn_at)
+            np.testing.assert_allclose(frame, -scale * wheel.ratio * places[wheel.parent])
+            spring = next(drawn_at) if wheel.stiffness else None
+            body = next(drawn_at)
+            np.testing.assert_allclose(body, -scale * places[i])
+            assert (next(drawn_at) == frame).all()  # what flashes
+            radius = float(re.search(r'class="body".* (?:r|y)="-?(\S+?)"', column)[1])
+            if spring is not None:
+                anchor = float(re.search(r"0 (\S+)\).><path class=.moving spring", column)[1])
+                np.testing.assert_allclose(frame + anchor + spring, body - radius, atol=rounding)
+            walls = re.findall(r'class="wall".* y="(\S+)".* height="(\S+)"', column)
+            assert len({y for y, _ in walls}) == 2 - wheel.one_sided
+            for side, (y, height) in zip((1, -1), (walls[0], walls[-1]), strict=True):
+                upper = frame + float(y)
+                lower = upper + float(height)
+                clear = upper - body - radius if float(y) > 0.0 else body - radius - lower
+                struck = np.array([codes.get(t) == i * side for t in given["t"]])
+                assert struck.sum() == (motion.code == i * side).sum()
+                assert np.abs(clear[struck]).max(initial=0.0) < rounding
+                assert clear.min() > -rounding
+                assert clear.max() > radius
+
+
 def test_the_file_is_alone_and_small(shown):
     page = shown.html
     assert len(page.encode()) < MOST_BYTES
@@ -152,7 +240,7 @@ def test_the_file_is_alone_and_small(shown):
 
 def test_one_flash_for_each_impact(shown):
     page = shown.html
-    data = json.loads(re.search(r'id="data">(.*?)</script>', page, re.DOTALL)[1])
+    data = script_data(page)
     for key, given in zip(("orbit", "path"), data["paths"], strict=True):
         motion = getattr(shown.recording, key)
         assert len(given["codes"]) == motion.impacts
@@ -215,9 +303,11 @@ def test_command(tmp_path, monkeypatch):
     rattle(f"{words} --overwrite")
 
 
-def test_the_documentation_shows_the_animation_of_today():
-    """Made anew by ``rattle animate --out docs/_static/animation.html --overwrite``."""
-    page = (ROOT / "docs" / "_static" / "animation.html").read_text()
+@pytest.mark.parametrize("name", ["animation", "ball"])
+def test_the_documentation_shows_the_animation_of_today(name):
+    """Made anew by ``rattle animate --out docs/_static/animation.html --overwrite`` and ``rattle
+    animate examples/ball.toml --impacts 6 --out docs/_static/ball.html --overwrite``."""
+    page = (ROOT / "docs" / "_static" / f"{name}.html").read_text()
     assert len(page.encode()) < MOST_BYTES
     for part in ("animation.css", "animation.js"):
         assert (ROOT / "compare" / "animation" / "templates" / part).read_text() in page
