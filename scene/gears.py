@@ -348,8 +348,10 @@ class Gears:
         rms: float | None = None,
         bandwidth: float | None = None,
         spectrum: tuple[Sequence[float], Sequence[float]] | None = None,
+        wheel: int | None = None,
     ) -> float:
-        """Noise intensity `sigma` of a scene from a measured modulation of the driver's motion.
+        """Noise intensity `sigma` of a scene from a measured modulation of the driver's motion, or
+        of the drag torque of a wheel.
 
         The modulation m(t) is relative: the acceleration of the driver is ``a omega^2 (1 + m)``
         times the sine.  It is taken for white noise of the same spectral density: with ``G`` its
@@ -366,6 +368,9 @@ class Gears:
         spectrum : pair of array_like, optional
             In place of both: frequencies in Hz, rising, and at each the one-sided density of the
             modulation in 1/Hz. ``G`` is its mean over these frequencies.
+        wheel : int, optional
+            Number of the wheel whose drag torque fluctuates, ``T (1 + m)``, in place of the
+            driver's motion: its `gamma` takes the place of alpha (``Scene.noise`` of that wheel).
 
         Returns
         -------
@@ -375,7 +380,8 @@ class Gears:
         Raises
         ------
         InputError
-            Unless the modulation is given in just one way, by numbers that are not negative.
+            Unless the modulation is given in just one way, by numbers that are not negative; for a
+            wheel that does not exist.
 
         Examples
         --------
@@ -383,6 +389,8 @@ class Gears:
         0.0779
         >>> round(DAT21.sigma_from(spectrum=([0.0, 50.0], [1.8e-5, 1.8e-5])), 4)
         0.0779
+        >>> round(DAT21.sigma_from(rms=0.2, bandwidth=50.0, wheel=2), 4)
+        0.0102
         """
         if spectrum is not None and rms is None and bandwidth is None:
             density = _mean_density(*spectrum)
@@ -395,7 +403,8 @@ class Gears:
                 if v is not None
             ]
             raise InputError("sigma_from", given, "give rms and bandwidth, or a spectrum")
-        return self.alpha * math.sqrt(0.5 * self.omega * density)
+        mean = self.alpha if wheel is None else self.gamma(wheel)
+        return mean * math.sqrt(0.5 * self.omega * density)
 
     @property
     def amplitude(self) -> float:

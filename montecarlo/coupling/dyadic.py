@@ -103,7 +103,8 @@ def clockwork(scene: Scene, depth: int) -> Clockwork:
             "a shared Brownian tree is of white noise only, 0",
         )
     if len(scene.noise_sources) > 1:
-        raise InputError("noise", scene.noise, "a shared Brownian tree is of one noise: a name")
+        given = scene.to_dict()["scene"]["noise"]
+        raise InputError("noise", given, "a shared Brownian tree is of one noise: a name")
     h = step_time(scene)
     times = np.array([n * h for n in range(round(2.0 * math.pi / h))])
     return clockwork_at(scene, times, h, depth)

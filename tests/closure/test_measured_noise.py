@@ -62,6 +62,12 @@ def test_a_narrow_band_does_less_as_the_guide_says(band, time, speed):
     assert ratios(band * DRIVE) == pytest.approx([time, speed], abs=0.02)
 
 
+def test_a_torque_that_fluctuates_is_a_noise_of_its_wheel():
+    gamma = SCENE.tree[0].gamma
+    of_drive = GEARS.sigma_from(rms=RMS, bandwidth=50.0) / SCENE.alpha
+    assert GEARS.sigma_from(rms=RMS, bandwidth=50.0, wheel=1) == pytest.approx(gamma * of_drive)
+
+
 def test_a_spectrum_counts_by_its_mean_density():
     flat = GEARS.sigma_from(rms=0.03, bandwidth=50.0)
     level = 0.03**2 / 50.0
