@@ -5,6 +5,8 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from rattle.scene.errors import InputError
+
 
 @dataclass(frozen=True)
 class Words:
@@ -17,20 +19,25 @@ class Words:
     changes: Mapping[str, str] = field(default_factory=dict)
 
     def put_into(self, text: str) -> str:
-        """A text about gears in these words; code between backticks, a name between brackets and a
-        single word, which is a key, are left."""
+        """A text about gears in these words; code, a name between brackets or quotation marks and
+        a single word, which is a key, are left."""
         if not self.changes or " " not in text:
             return text
         longest_first = sorted(self.changes, key=len, reverse=True)
         # a template may break a line between two words
         phrases = "|".join(longest_first).replace(" ", r"\s+")
-        pattern = rf"`[^`]*`|\([\w-]+\)|\b(?:{phrases})\b(?!\.\w)"
+        pattern = rf"`[^`]*`|\([\w-]+\)|'[\w-]+'|\b(?:{phrases})\b(?![.=(]\w)"
 
         def put(match: re.Match[str]) -> str:
             phrase = " ".join(match[0].split())
             return self.changes.get(phrase, match[0])
 
         return re.sub(pattern, put, text)
+
+    def put_into_error(self, error: InputError) -> InputError:
+        """An error about the part of a gearbox, ``wheel.third.gamma``, in these words."""
+        field = re.sub(r"^wheel\.", f"{self.wheel}.", error.field)
+        return type(error)(field, error.value, self.put_into(error.remedy), error.where)
 
 
 PAIR = Words()
@@ -45,6 +52,7 @@ IN_BOTH_CASES = {
     "mesh": "contact",
     "meshes": "contacts",
     "meshes with": "strikes",
+    "mesh with itself": "strike itself",
     "stage": "body",
     "stages": "bodies",
     "these gears": "this system",
