@@ -191,7 +191,7 @@ def sensitivity(
 ) -> Sensitivity:
     """Find what 1 % more of each parameter does to the rattle.
 
-    The rattle is its impacts per second, the energy that they lose, and their speeds.
+    The rattle is its impacts per unit of time, the energy that they lose, and their speeds.
     The effect is a central difference of logarithms, from long runs with the parameter 2 and 4 % up
     and down, all with the same random numbers.  Where both steps differ by more than chance it is
     extrapolated to a small step; where they differ by a tenth of it, it is called not linear:
