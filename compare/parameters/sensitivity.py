@@ -274,7 +274,7 @@ def sensitivity(
                 if not search.refine(widest[widest > accuracy]):
                     break
     half = float(widest.max())
-    reached = not ((widest > accuracy).any() or search.left_out)
+    reached = math.isfinite(half) and not ((widest > accuracy).any() or search.left_out)
     said = search.describe(half, accuracy, reached)
     values_now = _values(scene, asked, np.exp(search.base.logs(asked, search.groups)))
     return Sensitivity(scene, table, values_now, search.groups, reached, said)
