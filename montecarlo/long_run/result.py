@@ -250,7 +250,9 @@ class LongRun:
         section 10).
 
         Returns: Their means agree within the standard error of the mean of their difference, as
-        long as no mesh is closed. Shapes: result (paths,).
+        long as no mesh is closed, and noise spreads the impacts over the phase: what is supplied is
+        known from `SAMPLES` instants of each period, of which one more or less may lie before an
+        impact that comes at the same phase each time. Shapes: result (paths,).
         """
         c = self.scene.constants
         columns = self.sums.columns
