@@ -2,7 +2,8 @@
 them."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from copy import copy
 from dataclasses import asdict, dataclass, field, fields, replace
 from functools import cached_property
@@ -178,10 +179,8 @@ class Scene:
             self._check_gears()
         are_gears = self.is_gears or self.gears is not None
         object.__setattr__(self, "bodies", bool(self.bodies) or not are_gears)
-        try:
+        with (BODIES if self.bodies else PAIR).in_errors():
             self._validate()
-        except InputError as error:
-            raise BODIES.put_into_error(error) if self.bodies else error from None
 
     def _validate(self) -> None:
         """Check all fields, as floats where they are numbers, and fill in what follows from
@@ -214,8 +213,9 @@ class Scene:
         )
         self._check_drive()
         self._check_springs()
-        for wheel in self.tree:
-            _ = wheel.law  # refuses one that does not fit its epsilon
+        for label, wheel in zip(self.wheel_names, self.tree, strict=True):
+            with _of_wheel(label):
+                _ = wheel.law  # refuses one that does not fit its epsilon
         self._check_noise()
         self._check_tolerance()
         if self.start is None:
@@ -1032,15 +1032,20 @@ def _read_wheel(name: str, number: int, data: object) -> Wheel:
     if "restitution" in table:
         law = _table(f"{name}.restitution", table["restitution"])
         errors.check_keys(f"{name}.restitution", law, (f.name for f in fields(Restitution)))
-    try:
+    with (BODIES if name == "body" else PAIR).in_errors(), _of_wheel(table.get("name") or number):
         if "restitution" in table:
             table["restitution"] = Restitution(**law)
         return Wheel(**table)
+
+
+@contextmanager
+def _of_wheel(label: object) -> Iterator[None]:
+    """Errors about a wheel say which."""
+    try:
+        yield
     except InputError as error:
-        label = table.get("name") or number
         field = f"wheel.{label}.{error.field.removeprefix('wheel.')}"
-        named = InputError(field, error.value, error.remedy)
-        raise BODIES.put_into_error(named) if name == "body" else named from None
+        raise InputError(field, error.value, error.remedy) from None
 
 
 def _copy_with(part: Part, **changes: Any) -> Part:

@@ -2,7 +2,8 @@
 other system."""
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 
 from rattle.scene.errors import InputError
@@ -34,10 +35,15 @@ class Words:
 
         return re.sub(pattern, put, text)
 
-    def put_into_error(self, error: InputError) -> InputError:
-        """An error about the part of a gearbox, ``wheel.third.gamma``, in these words."""
-        field = re.sub(r"^wheel\.", f"{self.wheel}.", error.field)
-        return type(error)(field, error.value, self.put_into(error.remedy), error.where)
+    @contextmanager
+    def in_errors(self) -> Iterator[None]:
+        """Errors about gears, and fields such as ``wheel.third.gamma``, come in these words."""
+        try:
+            yield
+        except InputError as error:
+            field = re.sub(r"^wheel\.", f"{self.wheel}.", error.field)
+            remedy = self.put_into(error.remedy)
+            raise type(error)(field, error.value, remedy, error.where) from None
 
 
 PAIR = Words()
