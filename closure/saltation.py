@@ -231,8 +231,10 @@ def rebound_cumulants(
     return 0.5 * section[2 * mesh, 2 * mesh] * bend, produced[0]
 
 
+@np.errstate(over="ignore", invalid="ignore")
 def trace(scene: Scene, impacts: int, order: int) -> Trace:
-    """Follow the saltation closure; to second order from `order` 3 on."""
+    """Follow the saltation closure, as far as its covariance is a number; to second order from
+    `order` 3 on."""
     c = scene.constants
     orbit = follow(scene, impacts).until_sticking
     found, shift, sd, skew, section, after = propagate(
@@ -244,6 +246,11 @@ def trace(scene: Scene, impacts: int, order: int) -> Trace:
         order >= 3,
     )
     stopped = orbit.stopped if found == orbit.found else f"impact {found + 1} grazes its wall"
+    finite = np.isfinite(section[: found + 1]).all(axis=(1, 2))
+    if not finite.all():
+        found = int(finite.argmin()) - 1
+        stopped = f"the covariance of impact {found + 1} is larger than any number"
+        shift[found + 1 :] = sd[found + 1 :] = skew[found + 1 :] = np.nan
     mean = orbit.before + np.nan_to_num(shift[:, 2:])
     tau = orbit.tau + np.nan_to_num(shift[:, 0])
     mean[found + 1 :] = np.nan

@@ -2,7 +2,7 @@
 
 A value has the name of a field of the scene (``sigma``), of a part of it (``start.y1``), of an
 order of the drive (``drive.2.amplitude``), of its gears (``backlash1``), or of a wheel by name or
-number (``wheel.third.torque``, ``wheel.3.torque``, ``torque3``).
+number (``wheel.third.torque``, ``wheel.3.torque``, ``torque3``), which may be ``body.mass.gap``.
 """
 
 import math
@@ -62,8 +62,8 @@ VALUE_WORDS = {
 
 
 def spell(scene: Scene, name: str) -> str:
-    """The name of a value as the scene has it: of a wheel by its name, or ``torque2``."""
-    return spell_value(name, scene.wheel_names, bool(scene.wheels))
+    """The name of a value as the scene has it: of a wheel or body by its name, or ``torque2``."""
+    return spell_value(name, scene.wheel_names, bool(scene.wheels), scene.words.wheel)
 
 
 def is_unit(scene: Scene, name: str) -> bool:
@@ -79,8 +79,9 @@ def numbers_of(scene: Scene) -> dict[str, float]:
     numbers = {} if gears is None else values_of(gears)
     if scene.wheels:
         names: Sequence[str] = ("alpha", "epsilon", "sigma")
-        for label, wheel in zip(scene.wheel_names, scene.tree, strict=True):
-            numbers |= {f"wheel.{label}.{kind}": getattr(wheel, kind) for kind in OF_MODEL}
+        for number, wheel in enumerate(scene.tree, 1):
+            for kind in OF_MODEL:
+                numbers[spell(scene, f"{kind}{number}")] = getattr(wheel, kind)
     else:
         names = [name for name in SWEPT if scene.stages == 2 or name not in SECOND]
         for number, wheel in enumerate(scene.tree, 1):
@@ -110,13 +111,9 @@ def parameter_names(scene: Scene) -> list[str]:
         left_out = ["tolerance.", "start."]
         if scene.bodies and scene.stages == 1:
             # of what is alone the mass is the unit, the ratio is alpha, and one restitution counts
-            body = f"wheel.{scene.wheel_names[0]}"
             shared = scene.wheels[0].epsilon is None if scene.wheels else True
-            left_out += [
-                f"{body}.mass",
-                f"{body}.ratio",
-                f"{body}.epsilon" if shared else "epsilon",
-            ]
+            own = [spell(scene, f"{kind}1") for kind in ("mass", "ratio", "epsilon")]
+            left_out += own if shared else [*own[:2], "epsilon"]
         return [name for name in numbers_of(scene) if not name.startswith(tuple(left_out))]
     unused = {
         gears.name_of(number, "epsilon")
@@ -141,7 +138,7 @@ def change(scene: Scene, changes: Mapping[str, Any]) -> Scene:
     if typed:
         scene = scene.with_gears(**typed)
     orders: dict[int, dict[str, Any]] = {}
-    parts: dict[str, dict[str, Any]] = {"tolerance": {}, "start": {}, "wheel": {}}
+    parts: dict[str, dict[str, Any]] = {"tolerance": {}, "start": {}, "wheel": {}, "body": {}}
     values: dict[str, Any] = {}
     for name, value in changes.items():
         part, _, field = name.partition(".")
@@ -160,8 +157,8 @@ def change(scene: Scene, changes: Mapping[str, Any]) -> Scene:
         values["drive"] = _change_orders(scene, orders)
     if parts["tolerance"]:
         values["tolerance"] = replace(scene.tolerance or Tolerance(), **parts["tolerance"])
-    if parts["wheel"]:
-        values["wheels"] = _change_wheels(scene, parts["wheel"])
+    if of_wheels := parts["wheel"] | parts["body"]:
+        values["wheels"] = _change_wheels(scene, of_wheels)
     gaps = [values.get(f"gap{i}", gap) for i, gap in enumerate(scene.half_gaps, 1)]
     if "wheels" in values:
         gaps = [wheel.gap for wheel in values["wheels"]]
@@ -176,7 +173,7 @@ def _change_wheels(scene: Scene, changes: Mapping[str, Any]) -> tuple[Wheel, ...
     for name, value in changes.items():
         label, _, kind = name.partition(".")
         if label not in wheels:
-            name = f"wheel.{name}"
+            name = f"{scene.words.wheel}.{name}"
             raise InputError("scene", name, _remedy(scene, name))
         wheels[label] = replace(wheels[label], **{kind: value})
     return tuple(wheels.values())
@@ -222,15 +219,16 @@ def _remedy(scene: Scene, name: str) -> str:
     the one that was named, or of the first."""
     labels = scene.wheel_names
     shown = labels[0]
-    if name.startswith("wheel."):
+    part = scene.words.wheel
+    if name.startswith(("wheel.", "body.")):
         shown = name.split(".")[1]
         if shown.isdecimal() and 0 < int(shown) <= len(labels):
             shown = labels[int(shown) - 1]
         if shown not in labels:
-            return f"no wheel has this name; {nearest(shown, labels)}"
-    prefix = f"wheel.{shown}."
-    numbers = numbers_of(scene)
-    return nearest(name, [n for n in numbers if n.startswith(prefix) or n[:6] != "wheel."])
+            return f"no {part} has this name; {nearest(shown, labels)}"
+    others = [n for n in numbers_of(scene) if not n.startswith(f"{part}.")]
+    own = [n for n in numbers_of(scene) if n.startswith(f"{part}.{shown}.")]
+    return nearest(name, own + others)
 
 
 def _find_in_order(scene: Scene, number: int, field: str) -> float:

@@ -17,7 +17,8 @@ from typing import Any
 from rattle.scene.errors import FileError, InputError
 
 TABLE = re.compile(r"\s*\[+([^\[\]]+)\]")
-KEY_PATTERN = re.compile(r"""\s*["']?([\w-]+)["']?\s*=""")
+KEY_PATTERN = re.compile(r"""\s*["']?([\w.-]+)["']?\s*=""")
+OF_PART = re.compile(r"(wheel|body)\.")
 PLACE = re.compile(r"\(at line (\d+),")
 COMMA = re.compile(r"=\s*([-+]?\d+),(\d+)")
 MOST_BYTES = 2**28
@@ -181,31 +182,31 @@ def in_file(path: str | Path, text: str) -> Iterator[None]:
 def _line_of(text: str, error: InputError) -> int | None:
     """The first line whose key is the field of an error, or, of a table with an unknown key, that
     key."""
-    field = _by_number(text, error.field) if error.field.startswith("wheel.") else error.field
-    *tables, key = field.split(".")
-    wanted = [(".".join(tables), key)]
+    of_part = OF_PART.match(error.field)
+    part = of_part[1] if of_part else ""
+    field = _by_number(text, error.field) if part else error.field
+    wanted = [f".{field}"]
     if isinstance(error.value, str):
-        wanted.append((field, error.value))
+        wanted.append(f".{field}.{error.value}")
     table = ""
-    wheels = 0
+    tables = 0
     for number, line in enumerate(text.splitlines(), start=1):
         if found := TABLE.match(line):
             table = found[1].strip()
-            if table == "wheel":
-                wheels += 1
-                table = f"wheel.{wheels}"
+            if table == part:
+                tables += 1
+                table = f"{part}.{tables}"
         found = KEY_PATTERN.match(line)
-        if found and any(
-            found[1] == name and (not of or f".{table}".endswith(f".{of}")) for of, name in wanted
-        ):
+        if found and f".{table}.{found[1]}".endswith(tuple(wanted)):
             return number
     return None
 
 
 def _by_number(text: str, field: str) -> str:
-    """The field of a wheel, ``wheel.third.torque``, with its number in place of its name."""
-    _, label, *rest = field.split(".")
-    tables = parse_toml(text).get("wheel", [])
+    """The field of a wheel or body, ``wheel.third.torque``, with its number in place of its
+    name."""
+    part, label, *rest = field.split(".")
+    tables = parse_toml(text).get(part, [])
     names = [table.get("name") if isinstance(table, dict) else None for table in tables]
     number = str(1 + names.index(label)) if label in names else label
-    return ".".join(["wheel", number, *rest])
+    return ".".join([part, number, *rest])

@@ -29,10 +29,11 @@ OPTIONAL_KINDS = ("parent_radius", "epsilon", "backlash_tolerance")
 OF_MODEL = ("beta", "gamma", "gap", "mass", "ratio", "tolerance", "epsilon", "stiffness")
 """Values of a `rattle.scene.Wheel`, dimensionless."""
 WHEEL_VALUE = re.compile(
-    rf"(?:wheel\.([^.]+)\.)?({'|'.join(dict.fromkeys((*WHEEL_KINDS, *OPTIONAL_KINDS, *OF_MODEL)))})"
+    r"(?:(?:wheel|body)\.([^.]+)\.)?"
+    rf"({'|'.join(dict.fromkeys((*WHEEL_KINDS, *OPTIONAL_KINDS, *OF_MODEL)))})"
     r"([1-9][0-9]*)?"
 )
-"""A value of a wheel: ``wheel.third.torque``, ``wheel.3.torque`` or ``torque3``."""
+"""A value of a wheel or body: ``wheel.third.torque``, ``wheel.3.torque`` or ``torque3``."""
 
 
 @suggesting
@@ -115,18 +116,21 @@ def check_value(name: str, value: object) -> float:
     return number
 
 
-def value_name(labels: Sequence[str], number: int, kind: str, named: bool) -> str:
-    """The name of a value of a wheel: ``wheel.third.torque``, or ``torque2`` where not `named`."""
+def value_name(
+    labels: Sequence[str], number: int, kind: str, named: bool, part: str = "wheel"
+) -> str:
+    """The name of a value of a wheel, or other `part`: ``wheel.third.torque``, or ``torque2`` where
+    not `named`."""
     if named:
-        return f"wheel.{labels[number - 1]}.{kind}"
+        return f"{part}.{labels[number - 1]}.{kind}"
     first, rest = (kind, "") if kind != "torque_over_rpm" else ("torque", "_over_rpm")
     return f"{first}{number}{rest}"
 
 
-def spell_value(name: str, labels: Sequence[str], named: bool) -> str:
+def spell_value(name: str, labels: Sequence[str], named: bool, part: str = "wheel") -> str:
     """The name of a value of a wheel as its scene or gears have it; any other name as it is.
 
-    `labels`: of the wheels.  `named`: as `value_name` has it.
+    `labels`: of the wheels.  `named`, `part`: as `value_name` has them.
     """
     value = WHEEL_VALUE.fullmatch(name)
     if value is None or bool(value[1]) == bool(value[3]):
@@ -134,7 +138,7 @@ def spell_value(name: str, labels: Sequence[str], named: bool) -> str:
     numbers = {str(number): number for number in range(1, len(labels) + 1)}
     numbers |= {label: number for number, label in enumerate(labels, 1)}
     number = numbers.get(value[1] or value[3])
-    return name if number is None else value_name(labels, number, value[2], named)
+    return name if number is None else value_name(labels, number, value[2], named, part)
 
 
 def read_wheels(given: object, named: bool = True) -> tuple[LooseWheel, ...]:

@@ -2,7 +2,8 @@
 them."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from copy import copy
 from dataclasses import asdict, dataclass, field, fields, replace
 from functools import cached_property
@@ -171,8 +172,19 @@ class Scene:
     def __post_init__(self) -> None:
         if not isinstance(self.wheels, Sequence):
             raise InputError("wheels", self.wheels, "give a sequence of Wheel")
+        for wheel in self.wheels:
+            if not isinstance(wheel, Wheel):
+                raise InputError("wheels", wheel, "give a sequence of Wheel")
         if self.gears is not None:
             self._check_gears()
+        are_gears = self.is_gears or self.gears is not None
+        object.__setattr__(self, "bodies", bool(self.bodies) or not are_gears)
+        with (BODIES if self.bodies else PAIR).in_errors():
+            self._validate()
+
+    def _validate(self) -> None:
+        """Check all fields, as floats where they are numbers, and fill in what follows from
+        others."""
         if self.wheels:
             self._take_wheels()
         else:
@@ -201,11 +213,11 @@ class Scene:
         )
         self._check_drive()
         self._check_springs()
-        for wheel in self.tree:
-            _ = wheel.law  # refuses one that does not fit its epsilon
+        for label, wheel in zip(self.wheel_names, self.tree, strict=True):
+            with _of_wheel(label):
+                _ = wheel.law  # refuses one that does not fit its epsilon
         self._check_noise()
         self._check_tolerance()
-        object.__setattr__(self, "bodies", bool(self.bodies) or not self.is_gears)
         if self.start is None:
             object.__setattr__(self, "start", self._default_start)
         self._check_start()
@@ -332,9 +344,6 @@ class Scene:
             if getattr(self, name) not in (None, unused):
                 raise InputError(name, getattr(self, name), "give it, or wheels; not both")
             object.__setattr__(self, name, unused)
-        for wheel in given:
-            if not isinstance(wheel, Wheel):
-                raise InputError("wheels", wheel, "give a sequence of Wheel")
         parents = find_parents(given, "parent")
         for label, wheel in zip(wheel_labels(given), given, strict=True):
             if wheel.epsilon is None and self.epsilon is None:
@@ -407,10 +416,11 @@ class Scene:
 
     @property
     def is_gears(self) -> bool:
-        """Whether it is loose gears: every body has two walls and no spring, and the noise is that
-        of the drive."""
-        free = not any(wheel.one_sided or wheel.stiffness for wheel in self.tree)
-        return free and not self.noisy_wheel
+        """Whether it is loose gears: every body has two walls and no spring, and noise modulates
+        the drive."""
+        free = not any(wheel.one_sided or wheel.stiffness for wheel in self.wheels)
+        # asked before the noise is checked: it may be a name or any table of them
+        return free and repr(DRIVE_NOISE) in repr(self.noise)
 
     @property
     def words(self) -> Words:
@@ -846,7 +856,7 @@ class Scene:
             del values["bodies"]
         drive = {} if self.drive == SINE_ALONE else {"drive": [asdict(one) for one in self.drive]}
         if self.gears is None:
-            bodies = {} if self.is_gears else {"body": values.pop("wheels")}
+            bodies = {} if self.is_gears or not self.wheels else {"body": values.pop("wheels")}
             return drive | {"scene": values} | bodies
         gears = self.gears.values
         wheels = [as_table(wheel) for wheel in gears.pop("wheels", ())]
@@ -1026,16 +1036,30 @@ def _read_wheels(name: str, tables: object) -> list[Wheel]:
     """Wheels or bodies from a list of their tables."""
     if not isinstance(tables, Sequence) or isinstance(tables, str):
         raise InputError(name, tables, f"write each as a table: [[{name}]]")
-    wheels = []
-    for data in tables:
-        table = _table(name, data)
-        errors.check_keys(name, table, (f.name for f in fields(Wheel)))
+    return [_read_wheel(name, number, data) for number, data in enumerate(tables, 1)]
+
+
+def _read_wheel(name: str, number: int, data: object) -> Wheel:
+    """A wheel or body from its table, which an error names."""
+    table = _table(name, data)
+    errors.check_keys(name, table, (f.name for f in fields(Wheel)))
+    if "restitution" in table:
+        law = _table(f"{name}.restitution", table["restitution"])
+        errors.check_keys(f"{name}.restitution", law, (f.name for f in fields(Restitution)))
+    with (BODIES if name == "body" else PAIR).in_errors(), _of_wheel(table.get("name") or number):
         if "restitution" in table:
-            law = _table(f"{name}.restitution", table["restitution"])
-            errors.check_keys(f"{name}.restitution", law, (f.name for f in fields(Restitution)))
             table["restitution"] = Restitution(**law)
-        wheels.append(Wheel(**table))
-    return wheels
+        return Wheel(**table)
+
+
+@contextmanager
+def _of_wheel(label: object) -> Iterator[None]:
+    """Errors about a wheel say which."""
+    try:
+        yield
+    except InputError as error:
+        field = f"wheel.{label}.{error.field.removeprefix('wheel.')}"
+        raise InputError(field, error.value, error.remedy) from None
 
 
 def _copy_with(part: Part, **changes: Any) -> Part:

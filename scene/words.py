@@ -2,8 +2,11 @@
 other system."""
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field
+
+from rattle.scene.errors import InputError
 
 
 @dataclass(frozen=True)
@@ -18,20 +21,30 @@ class Words:
     changes: Mapping[str, str] = field(default_factory=dict)
 
     def put_into(self, text: str) -> str:
-        """A text about gears in these words; code between backticks, a name between brackets and a
-        single word, which is a key, are left."""
+        """A text about gears in these words; code, a name between brackets or quotation marks and
+        a single word, which is a key, are left."""
         if not self.changes or " " not in text:
             return text
         longest_first = sorted(self.changes, key=len, reverse=True)
         # a template may break a line between two words
         phrases = "|".join(longest_first).replace(" ", r"\s+")
-        pattern = rf"`[^`]*`|\([\w-]+\)|\b(?:{phrases})\b(?!\.\w)"
+        pattern = rf"`[^`]*`|\([\w-]+\)|'[\w-]+'|\b(?:{phrases})\b(?![.=(]\w)"
 
         def put(match: re.Match[str]) -> str:
             phrase = " ".join(match[0].split())
             return self.changes.get(phrase, match[0])
 
         return re.sub(pattern, put, text)
+
+    @contextmanager
+    def in_errors(self) -> Iterator[None]:
+        """Errors about gears, and fields such as ``wheel.third.gamma``, come in these words."""
+        try:
+            yield
+        except InputError as error:
+            field = re.sub(r"^wheel\.", f"{self.wheel}.", error.field)
+            remedy = self.put_into(error.remedy)
+            raise type(error)(field, error.value, remedy, error.where) from None
 
 
 PAIR = Words()
@@ -46,6 +59,7 @@ IN_BOTH_CASES = {
     "mesh": "contact",
     "meshes": "contacts",
     "meshes with": "strikes",
+    "mesh with itself": "strike itself",
     "stage": "body",
     "stages": "bodies",
     "these gears": "this system",

@@ -274,6 +274,7 @@ def stationary(
     from rattle.compare.chaos.sweep import stationary_bifurcation, vary
     from rattle.compare.stationary.verdicts import default_closures
     from rattle.montecarlo.long_run.run import ASKED
+    from rattle.scene.changes import spell
 
     check_units(units or "dimensionless", base.gears)
     if own := [name for name in closures if ":" in name]:
@@ -284,7 +285,7 @@ def stationary(
         raise InputError("closure", own[0], why)
     if closures and no_closures:
         raise InputError("closure", closures, "is left out by --no-closures; give one of them")
-    field = over.name if over else ""
+    field = spell(base, over.name) if over else ""
     at = over.values(base, BIFURCATION_POINTS) if over else ()
     scenes = vary(base, field, at) if over else {}
     results = begin()
@@ -385,8 +386,9 @@ def chaos(
     from rattle.compare.chaos.effort import Effort
     from rattle.compare.chaos.measure import study
     from rattle.compare.chaos.sweep import paper_noise, vary
+    from rattle.scene.changes import spell
 
-    field = over.name
+    field = spell(base, over.name)
     at = () if no_sweep else over.values(base, SWEEP_POINTS)
     noise = paper_noise if field == "alpha" and not keep_sigma else None
     scenes = vary(base, field, at, noise) if noise else vary(base, field, at)

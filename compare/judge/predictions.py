@@ -79,6 +79,8 @@ def _read_frame(given: pd.DataFrame, name: str) -> list[NamedSection]:
 
 
 USUAL_LABELS = ("impact", "row", "time")
+OF_SECTION = {"tau", "flight", "mesh", "side"}
+"""Columns by which a table of `rattle.mean_map` is known."""
 
 
 def _numbered(table: pd.DataFrame) -> pd.DataFrame:
@@ -112,18 +114,20 @@ def find_moments(
     """Find what is predicted of the quantities with these names.
 
     A column whose name is nearly that of a quantity, or the moment of an unknown one, is refused,
-    unless it is empty, as of a second wheel that is not there. `left_out`: Quantities that the
+    unless it is empty, as of a second wheel that is not there, or one of a mean map, which has more
+    quantities than many samples. `left_out`: Quantities that the
     samples have too, and that were not asked for.
     """
     tables = [table.section for table in predictions]
     columns = list(dict.fromkeys(str(name) for table in tables for name in table.columns))
     filled = {str(name) for table in tables for name in table.columns if table[name].notna().any()}
+    of_map = columns if set(columns) >= OF_SECTION else []
     known = [*names, *left_out]
     not_asked = {prefix + name for name in left_out for prefix in PREFIX.values()}
     quantities = []
     moments = set()
     pairs = []
-    others = []
+    others: list[str] = []
     for column in columns:
         # a quantity may have a name that looks like that of a moment
         moment, quantity = ("mean", column) if column in names else split_column(column)
@@ -134,9 +138,11 @@ def find_moments(
             pairs.append(pair)
             quantities.extend(pair)
         else:
-            if column in filled and column not in not_asked and not _pair_of(column, known):
+            known_moment = column in not_asked or _pair_of(column, known)
+            if column in filled and not known_moment and column not in of_map:
                 _check_name(column, names)
-            others.append(column)
+            if column not in of_map or quantity not in others:
+                others.append(quantity if column in of_map else column)
     ordered = [name for name in names if name in quantities]
     if not ordered:
         first = columns[0] if columns else ""

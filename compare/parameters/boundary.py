@@ -181,6 +181,7 @@ def boundary(
     (['inaccurate', 'inaccurate'], ())
     """
     parameter, low, high, time_left = check_search(scene, over, between, points, width, budget)
+    over = parameter.name
     seed = read_whole_seed(rng)
     z = search.critical(count("impacts", impacts), scene.stages, count("searches", searches))
     limits = Tolerances(*(tolerances or ()))

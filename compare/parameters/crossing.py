@@ -233,6 +233,7 @@ def crossing(
     'mW'
     """
     parameter, low, high, time_left = check_search(scene, over, between, points, width, budget)
+    over = parameter.name
     seed = read_whole_seed(rng)
     check_quantity("quantity", quantity, scene.stages)
     level = float(positive("level", level))

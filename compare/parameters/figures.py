@@ -134,9 +134,8 @@ def tornado(found: Any, quantities: list[str]) -> Figure:
         )
         ax.set_yticks(y, bars["parameter"])
         ax.axvline(0.0, color="0.3", lw=0.8)
-        ax.set_title(
-            quantity_words(found.scene, quantity).removeprefix("the ").replace("`", ""), loc="left"
-        )
+        words = quantity_words(found.scene, quantity).removeprefix("the ").replace("`", "")
+        ax.set_title(words.replace("dimensionless ", ""), loc="left")
         ax.set_xlabel(f"change (%) for {PERCENT} more of the parameter")
     for ax in axes[len(quantities) :]:
         ax.remove()

@@ -18,8 +18,9 @@ PARAMETER_TEXTS = read_texts("parameters")
 def quantity_words(scene: Scene, quantity: str) -> str:
     """A quantity of a scene in words."""
     kind, _, mesh = quantity.partition("_mesh")
-    words = PARAMETER_TEXTS["quantities"].get(kind, f"`{kind}`")
-    return f"{words} at mesh {wheel_label(scene, int(mesh))}" if mesh else str(words)
+    second = "second" if scene.gears else "unit of dimensionless time"
+    words = str(PARAMETER_TEXTS["quantities"].get(kind, f"`{kind}`")).format(second=second)
+    return f"{words} at mesh {wheel_label(scene, int(mesh))}" if mesh else words
 
 
 def by_error(rows: pd.DataFrame) -> pd.DataFrame:

@@ -226,11 +226,12 @@ def boundary_map(
     """
     check_scene(scene)
     check_keys("boundary_map", settings, SEARCH_SETTINGS)
-    if along == over:
-        raise InputError("along", along, "is the first parameter too; give another one")
     method = find_closure("closure", closure)
     first = find_parameter(scene, over)
     second = find_parameter(scene, along, "along")
+    over, along = first.name, second.name
+    if along == over:
+        raise InputError("along", along, "is the first parameter too; give another one")
     between = settings.get("between")
     low, high = find_range(second, reach, 2.0)
     grid = np.geomspace(low, high, count("values", values, least=2))

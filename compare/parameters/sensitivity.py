@@ -191,7 +191,7 @@ def sensitivity(
 ) -> Sensitivity:
     """Find what 1 % more of each parameter does to the rattle.
 
-    The rattle is its impacts per second, the energy that they lose, and their speeds.
+    The rattle is its impacts per unit of time, the energy that they lose, and their speeds.
     The effect is a central difference of logarithms, from long runs with the parameter 2 and 4 % up
     and down, all with the same random numbers.  Where both steps differ by more than chance it is
     extrapolated to a small step; where they differ by a tenth of it, it is called not linear:
@@ -274,7 +274,7 @@ def sensitivity(
                 if not search.refine(widest[widest > accuracy]):
                     break
     half = float(widest.max())
-    reached = not ((widest > accuracy).any() or search.left_out)
+    reached = math.isfinite(half) and not ((widest > accuracy).any() or search.left_out)
     said = search.describe(half, accuracy, reached)
     values_now = _values(scene, asked, np.exp(search.base.logs(asked, search.groups)))
     return Sensitivity(scene, table, values_now, search.groups, reached, said)

@@ -17,7 +17,7 @@ from rattle.compare.stationary.verdicts import (
 )
 from rattle.montecarlo.long_run import AtRest, BurnInError, long_run
 from rattle.montecarlo.long_run.estimates import groups, most_unseen
-from rattle.montecarlo.long_run.run import ASKED, usual_paths
+from rattle.montecarlo.long_run.run import ASKED, refuse_burn_in, usual_paths
 from rattle.montecarlo.seed import Rng, read_seed
 from rattle.montecarlo.settings import is_random
 from rattle.scene import Scene, check_scene, compile_ahead, line
@@ -108,8 +108,9 @@ def stationary(
     InputError
         For a setting that cannot be run.
     BurnInError
-        If the motion does not forget its start, and there is no budget: says how long the burn-in
-        must be; without noise, which attractors there are.
+        If the motion does not forget its start, and there is no budget, or all that the paths say
+        of a rate, speed or energy is that it may be 0, because they stay on several attractors:
+        says how long the burn-in must be, and which attractors there are without noise.
 
     Examples
     --------
@@ -149,13 +150,17 @@ def stationary(
         kinds = _attractors(scene, orbit)
         if len(kinds) == 1:
             raise
-        why = f"{refused.remedy}. Without noise, {_describe(kinds, scene)}"
-        raise BurnInError("burn_in", refused.value, why) from refused
+        raise _name_attractors(refused, kinds, scene) from refused
     do("stationary: the errors of all quantities")
     table = pd.DataFrame(run.estimates, index=ESTIMATE_COLUMNS).T.rename_axis("quantity")
     if run.is_scattered:  # the variance of the estimate is that between gear sets
         table["autocorrelation"] = math.nan
-    kinds = [] if run.burn_in.reached else _attractors(scene, orbit)
+    settled = run.burn_in
+    kinds = [] if settled.reached else _attractors(scene, orbit)
+    says_something = bool((table["low"].reindex(ASKED) > 0.0).all())
+    if len(kinds) > 1 and settled.keeps_apart and not says_something:
+        never_met = refuse_burn_in(settled.periods, settled.drift, settled.apart)
+        raise _name_attractors(never_met, kinds, scene)
     attractors = _describe(kinds, scene) if len(kinds) > 1 else ""
     said = line(render_text("stationary/said.j2", run=run, orbit=orbit, attractors=attractors))
     return Stationary(scene, "simulated", said, table, run, orbit, slow, named)
@@ -233,6 +238,14 @@ def _attractors(scene: Scene, orbit: Attractor) -> list[list[Attractor]]:
         else:
             kinds.append([end])
     return kinds
+
+
+def _name_attractors(
+    refused: BurnInError, kinds: list[list[Attractor]], scene: Scene
+) -> BurnInError:
+    """A burn-in that was refused, and which attractors there are without noise."""
+    why = scene.words.put_into(f"{refused.remedy}. Without noise, {_describe(kinds, scene)}")
+    return BurnInError("burn_in", refused.value, why)
 
 
 def _describe(kinds: list[list[Attractor]], scene: Scene) -> str:

@@ -188,7 +188,11 @@ def show_quantity(table: pd.DataFrame, name: str) -> str:
     half = 0.5 * (high - low)
     if value == 0.0 and high > 0.0:
         text = f"none seen, fewer than {number_text(high, 2)}"
-    elif not half > 0.0:  # exact, or without an interval
+    elif low <= 0.0 < value:
+        text = f"at most {number_text(high, 2)}"
+    elif math.isnan(half):
+        text = f"{number_text(value, 3)} (error not known)"
+    elif half == 0.0:  # exact
         text = number_text(value, 5)
     else:
         text = f"{number_text(value, _digits(value, half))} ± {number_text(half, 1)}"

@@ -9,6 +9,7 @@ from rattle.scene.changes import (
     change,
     find_value,
     parameter_names,
+    spell,
     unit_of_value,
     words_of_value,
 )
@@ -76,7 +77,7 @@ def choose_parameters(scene: Scene, names: Iterable[str] | None) -> dict[str, Pa
 def find_parameter(scene: Scene, name: str, asked: str = "over") -> Parameter:
     """A parameter, or any other number of the scene, such as ``correlation_time``, ``start.y1``,
     ``drive.2.phase``."""
-    return Parameter(scene, name, find_value(scene, name, asked))
+    return Parameter(scene, spell(scene, name), find_value(scene, name, asked))
 
 
 def find_range(

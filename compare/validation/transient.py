@@ -6,8 +6,8 @@ from functools import partial
 from rattle.compare.report.render import render_sentences
 from rattle.compare.report.texts import wheel_label
 from rattle.scene import Scene
+from rattle.scene.changes import spell
 from rattle.scene.long_orbit import REST_FOR_GOOD, attractor
-from rattle.scene.loose_wheel import value_name
 from rattle.scene.text import number_text, percent
 from rattle.scene.threshold import rattle_threshold
 
@@ -39,7 +39,7 @@ def describe_transient(scene: Scene) -> str:
         share=shares[0] if len(closed) == 1 and shares else None,
         stages=scene.stages,
         label=partial(wheel_label, scene),
-        drag_name=partial(value_name, scene.wheel_names, kind="gamma", named=bool(scene.wheels)),
+        drag_name=lambda wheel: spell(scene, f"gamma{wheel}"),
         always=ALWAYS,
         drag=drag_text,
         percent=percent,

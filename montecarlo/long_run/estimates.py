@@ -140,14 +140,17 @@ class StationaryEstimate(NamedTuple):
 
 
 def _jackknife(sums: Floats, function: Callable[[Floats], Floats]) -> list[Spread]:
-    """Functions of sums over paths, each with its spread over paths.
+    """Functions of sums over paths, each with its spread over paths; NaN where a single path has
+    all that one is of.
 
     Shapes: `sums` (paths, sums); of what the function returns (values, paths).
     """
     total = sums.sum(axis=0)
     n = len(sums)
-    whole = function(total[None])[:, 0].tolist()
-    without = function(total - sums)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        whole = function(total[None])[:, 0].tolist()
+        without = function(total - sums)
+    without = np.where(np.isfinite(without), without, np.nan)
     return [
         spread(n * value - (n - 1) * rest, value)
         for value, rest in zip(whole, without, strict=True)

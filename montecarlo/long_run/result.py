@@ -21,6 +21,8 @@ from rattle.montecarlo.long_run.sums import (
 from rattle.scene import Floats, Scene, duration_text
 from rattle.scene.drive import PERIOD, mean_square
 
+KEPT_APART = 4.0  # ratio of variances from which paths look as if they never met
+
 
 class Contrast(NamedTuple):
     """The largest difference between two parts of a run, or between its paths."""
@@ -45,6 +47,11 @@ class BurnIn(NamedTuple):
     # of the other test; None where paths differ for good, because each has a backlash of its own
     apart: Contrast | None
     reached: bool  # whether the start was seen to be forgotten, or a burn-in was given
+
+    @property
+    def keeps_apart(self) -> bool:
+        """Whether the start was not forgotten because paths look as if they never met."""
+        return not self.reached and self.apart is not None and self.apart.size > KEPT_APART
 
     @property
     def sentence(self) -> str:
@@ -85,6 +92,11 @@ class LongReach(NamedTuple):
             return (
                 f"Accuracy {self.asked:g} NOT reached: {found}, because gear sets differ; longer"
                 f" paths do not help, about {self.sets:,} sets (paths) would."
+            )
+        if math.isinf(self.width):
+            return (
+                f"Accuracy {self.asked:g} NOT reached within the budget: the error of {self.worst}"
+                " is not known, for too few paths say anything of it; a larger budget helps."
             )
         more = f"{duration_text(self.more_seconds)} of processor time more"
         return (
@@ -238,7 +250,9 @@ class LongRun:
         section 10).
 
         Returns: Their means agree within the standard error of the mean of their difference, as
-        long as no mesh is closed. Shapes: result (paths,).
+        long as no mesh is closed, and noise spreads the impacts over the phase: what is supplied is
+        known from `SAMPLES` instants of each period, of which one more or less may lie before an
+        impact that comes at the same phase each time. Shapes: result (paths,).
         """
         c = self.scene.constants
         columns = self.sums.columns

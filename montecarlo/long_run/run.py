@@ -18,7 +18,7 @@ from scipy.special import fdtri, stdtrit
 from rattle.montecarlo.kernel.blocks import HOUR, clock
 from rattle.montecarlo.long_run.estimates import StationaryEstimate, check_quantity, estimates
 from rattle.montecarlo.long_run.paths import PATH_BATCHES, STATIONARY_PERIODS, LongPaths, warm_up
-from rattle.montecarlo.long_run.result import BurnIn, Contrast, LongReach, LongRun
+from rattle.montecarlo.long_run.result import KEPT_APART, BurnIn, Contrast, LongReach, LongRun
 from rattle.montecarlo.long_run.scatter import error_share
 from rattle.montecarlo.long_run.sums import (
     NUMBER,
@@ -72,7 +72,6 @@ FALSE_TEST = 1e-3  # probability that a run that is stationary fails a test
 # ratio of variances between and within paths from which paths remember where they were a quarter of
 # the last half ago: twice, if a quarter of what they did then is repeated
 TOO_FAR = 2.0
-KEPT_APART = 4.0  # ratio from which paths look as if they never met
 MOST_WIDENED = 100.0  # times wider at the most: where nothing varies, any drift is infinite
 UNSETTLED = 2.0  # times wider intervals at the least, where the start may not be forgotten
 PARTS_OF_HALF = 4  # of the last half, within each path
@@ -199,7 +198,7 @@ def settle(paths: LongPaths, burn_in: int | None) -> BurnIn:
         if limited and (paths.periods < until or room < 2.0 * (clock() - began)):
             return BurnIn(paths.periods, moved, differ, False)
         if until >= LONGEST_BURN_IN or paths.is_refused(until):
-            raise refusal(paths.elapsed, moved, differ, before, impacts)
+            raise refuse_burn_in(paths.elapsed, moved, differ, before, impacts)
         before = moved
         until = 2 * until
 
@@ -213,7 +212,7 @@ def _make_rest(paths: LongPaths, periods: int) -> AtRest:
     return rest
 
 
-def refusal(
+def refuse_burn_in(
     done: int,
     moved: Contrast,
     differ: Contrast | None = None,
@@ -227,7 +226,15 @@ def refusal(
         # of an exponential decay, over half of the run
         until = done + 0.5 * done * math.log(abs(moved.size)) / math.log(falls)
         must = math.ceil(min(max(until, 2 * done), 64 * done))
-    if impacts < LEAST_IMPACTS:
+    remedy = f"give at least {must:,}, and the budget for it"
+    if differ is not None and differ.size > KEPT_APART:
+        times = f"{differ.size:.3g}" if differ.size < math.inf else "infinitely many"
+        why = (
+            f"the variance of {differ.quantity} between paths is {times} times that within them:"
+            " there are several attractors that the noise does not connect in this time"
+        )
+        remedy += ", or noise that connects them"
+    elif impacts < LEAST_IMPACTS:
         why = (
             f"a path had {impacts:.3g} impacts in the last half, and {LEAST_IMPACTS:g} are the"
             " least"
@@ -241,18 +248,9 @@ def refusal(
         assert differ is not None
         why = (
             f"{differ.quantity} differs {differ.size:.3g} times more between paths (in variance)"
-            " than within them: "
+            " than within them: each path remembers where it was for longer than this"
         )
-        why += (
-            "there are several attractors that the noise does not connect in this time"
-            if differ.size > KEPT_APART
-            else "each path remembers where it was for longer than this"
-        )
-    return BurnInError(
-        "burn_in",
-        done,
-        f"periods are not enough: {why}; give at least {must:,}, and the budget for it",
-    )
+    return BurnInError("burn_in", done, f"periods are not enough: {why}; {remedy}")
 
 
 def _pilot(paths: LongPaths) -> None:
@@ -303,6 +301,8 @@ def _gather(
                 f" without a budget the limit is one hour: ask for {gives:.2g}, or give the seconds"
                 " that it may take as budget"
             )
+            if math.isinf(width):
+                why = f"too few paths say anything of {worst}: give more paths, or a budget"
             raise InputError("accuracy", goal, why)
         most = PERIODS_GROWTH * before
         # none can be expected where no impact was seen
@@ -491,7 +491,7 @@ def _settle_and_gather(
         if late.reached or burn_in is not None or not settled.reached or ended:
             break
     if not late.reached and math.isinf(limit.seconds):
-        raise refusal(followed.elapsed, late)
+        raise refuse_burn_in(followed.elapsed, late)
     left_out = followed.elapsed - followed.periods
     settled = settled._replace(periods=left_out, reached=settled.reached and late.reached)
     return settled, reach, late

@@ -143,3 +143,15 @@ def test_a_graze_is_reported_and_ends_the_closure():
         assert ("impact 1 grazes" in m.stopped) == grazes
         assert (m.trace.found == 0) == grazes
         assert m.section["tau"].isna().all() == grazes
+
+
+def test_a_covariance_that_overflows_ends_the_closure():
+    """The variance of a chaotic ball grows exponentially; numpy warns of nothing."""
+    chaotic = Scene.load("examples/ball.toml")
+    m = mean_map(chaotic, impacts=400, order=4)
+    assert m.stopped == f"the covariance of impact {m.trace.found + 1} is larger than any number"
+    sd = m.section["sd_y1"]
+    assert sd.loc[m.trace.found] > 1e140
+    assert np.isfinite(sd.loc[: m.trace.found]).all()
+    assert sd.loc[m.trace.found + 1 :].isna().all()
+    assert m.breakdown is None or m.breakdown.impact <= m.trace.found

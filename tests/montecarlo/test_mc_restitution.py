@@ -145,7 +145,7 @@ def test_energy_of_a_random_restitution_balances_in_the_long_run():
         (lambda: Restitution(sd=1.5), "restitution.sd", "1.5", "between 0 and 1"),
         (lambda: Restitution(draw="once"), "restitution.draw", "once", "contact"),
         (lambda: Restitution(speed=0.0), "restitution.speed", "0.0", "greater than 0"),
-        (lambda: ball(Restitution(sd=0.1, most=0.8)), "restitution", "0.8", "epsilon = 0.9"),
+        (lambda: ball(Restitution(sd=0.1, most=0.8)), "body.1.restitution", "0.8", "= 0.9"),
         (
             lambda: mean_map(ball(BY_PATH), impacts=2, closure="saltation"),
             "restitution.draw",

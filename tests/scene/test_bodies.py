@@ -12,7 +12,9 @@ from oracle import Sine, gearbox
 from scenes import ORDERS, TREES, tree
 
 from rattle.closure import mean_map
-from rattle.scene import InputError, Scene, Start, Wheel
+from rattle.compare.study.design import read_axes
+from rattle.compare.study.parameters import find_parameter
+from rattle.scene import DAT21, InputError, Scene, Start, Wheel
 from rattle.scene.flight import field, field_rate, flow, jacobian, noise_covariance
 from rattle.scene.impact import energy_loss
 from rattle.scene.orbit import follow
@@ -260,16 +262,16 @@ REFUSED = {
     "a spring that drives": (
         {},
         {"wheels": [ON_SPRING, Wheel(parent=1)]},
-        "wheel.mass.stiffness",
+        "body.mass.stiffness",
         2.0,
         "drives no other",
     ),
     "a spring behind a wheel": (
         {},
         {"wheels": [ANY, replace(ON_SPRING, parent="any")]},
-        "wheel.mass.stiffness",
+        "body.mass.stiffness",
         2.0,
-        "meshes with the driver",
+        "strikes the driver",
     ),
 }
 
@@ -282,6 +284,57 @@ def test_what_cannot_be_is_refused(body, scene, field, value, remedy):
         Scene(**({"alpha": 0.0, "epsilon": 0.8, "wheels": [Wheel(**BALL | body)]} | scene))
     assert caught.value.field == field
     assert value is None or caught.value.value == value
+
+
+TWO_BODIES = """[scene]
+epsilon = 0.8
+
+[[body]]
+one_sided = true
+
+[[body]]
+name = "mass"
+"""
+
+
+@pytest.mark.parametrize(
+    ("key", "said"),
+    [
+        ("stiffness = -1.0", "line 9: body.mass.stiffness = -1.0: must be 0 or greater"),
+        ("restitution.sd = 2", "line 9: body.mass.restitution.sd = 2: must lie between 0 and 1"),
+        ('parent = "bal"', "line 9: body.mass.parent = 'bal': no body has this name"),
+        ("stiff = 1.0", "line 9: body = 'stiff': unknown key; did you mean 'stiffness'"),
+        ("[[body]]\ngap = -0.1", "line 10: body.3.gap = -0.1: must be greater than 0"),
+        ("[scene.start]\nmesh = 3", "line 10: start.mesh = 3: a scene of 2 bodies has no contact"),
+    ],
+)
+def test_an_error_in_a_file_names_body_line_and_remedy(tmp_path, key, said):
+    path = tmp_path / "bodies.toml"
+    path.write_text(TWO_BODIES + key)
+    with pytest.raises(InputError) as caught:
+        Scene.load(path)
+    assert said in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "name", ["body.mass.stiffness", "wheel.mass.stiffness", "body.1.stiffness"]
+)
+def test_a_value_of_a_body_by_its_name(name):
+    scene = Scene(alpha=1.0, epsilon=0.8, wheels=[ON_SPRING])
+    parameter = find_parameter(scene, name)
+    assert (parameter.name, parameter.value) == ("body.mass.stiffness", 2.0)
+    assert parameter.scene_at(3.0).wheels == (replace(ON_SPRING, stiffness=3.0),)
+    axes = read_axes([{name: [1.0, 2.0]}, {"body.mass.gap": [0.5, 0.6]}], scene)
+    assert [axis.names for axis in axes] == [("body.mass.stiffness",), ("body.mass.gap",)]
+    with pytest.raises(InputError, match=r"did you mean 'body\.mass\.stiffness'"):
+        find_parameter(scene, name.replace("ness", "nes"))
+
+
+def test_gears_with_noise_on_a_wheel_are_gears():
+    scene = Scene.from_gears(DAT21, sigma=0.1, noise=2)
+    assert scene.words.wheel == "wheel"
+    plain = replace(scene, gears=None)
+    assert [Scene.from_toml(s.to_toml()) for s in (scene, plain)] == [scene, plain]
 
 
 @pytest.mark.parametrize("closure", ["published", "corrected"])

@@ -24,7 +24,8 @@ BALL = Scene(
         ("at mesh 1: closed teeth\nstay closed", "at contact 1: a closed contact stays closed"),
         ("mesh", "mesh"),
         ("body 1 (wheel) of `mesh 1`", "body 1 (wheel) of `mesh 1`"),
-        ("a higher wheel.wheel.gap, rate_mesh1", "a higher wheel.wheel.gap, rate_mesh1"),
+        ("a higher body.wheel.gap, rate_mesh1", "a higher body.wheel.gap, rate_mesh1"),
+        ("mesh of 'wheel' or mesh=1", "contact of 'wheel' or mesh=1"),
     ],
 )
 def test_a_text_about_gears_is_put_into_words_of_bodies(text, expected):
@@ -43,9 +44,7 @@ def test_a_scene_knows_what_its_parts_are_called():
 
 def test_an_answer_speaks_of_bodies():
     said = describe_transient(replace(BALL, sigma=0.5, noise=1))
-    assert (
-        "has no impacts in the long run: wheel.wheel.gamma is 1, above the threshold of 0" in said
-    )
+    assert "has no impacts in the long run: body.wheel.gamma is 1, above the threshold of 0" in said
 
 
 def test_a_motion_that_decays_comes_to_rest():

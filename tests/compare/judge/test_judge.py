@@ -402,3 +402,23 @@ def test_command_line(samples, predicted, tmp_path):
     rattle("judge --require accurate", bad, paths, "--out", tmp_path / "page", code=3)
     assert (tmp_path / "page" / "judge.html").is_file()
     rattle("judge --mean 0.5 --sd 0.5 --rho 0.5 --require accurate --json", good, paths)
+
+
+def test_of_a_mean_map_those_quantities_are_judged_that_a_simulator_has(tmp_path):
+    """The speeds of a mass on a spring before its impacts, as another program would give them."""
+    scene = rt.Scene.load("examples/oscillator.toml").with_sigma(0.01)
+    closure = rt.mean_map(scene, impacts=2)
+    run = rt.simulate(scene, paths=20_000, impacts=2, rng=5, record=rt.Record(raw=True))
+    speeds = run.records[["y1"]]
+    speeds.to_csv(tmp_path / "speeds.csv")
+    closure.section.to_csv(tmp_path / "map.csv")
+    found = rt.judge(closure, speeds)
+    assert (found.table["quantity"] == "y1").all()
+    assert not (found.table["verdict"] == "inaccurate").any()
+    assert {"tau", "flight"} <= set(found.not_compared)
+    assert "sd_tau" not in found.not_compared
+    again = rattle(f"judge {tmp_path / 'map.csv'} {tmp_path / 'speeds.csv'} --out {tmp_path / 'r'}")
+    assert "Not compared, as the samples have no such quantity: `tau`, `flight`" in again.output
+    wrong = closure.section.assign(sd_y1=1.3 * closure.section["sd_y1"])
+    verdicts = rt.judge(wrong, speeds).table.query("moment == 'sd'")["verdict"]
+    assert (verdicts == "inaccurate").all()

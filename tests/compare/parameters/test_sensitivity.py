@@ -26,6 +26,7 @@ def test_the_energy_lost_follows_the_balance(results):
     planted = 1.01 - 1.0  # the power in proportion to the noise
     assert abs(rows.loc["sigma", "effect"] - planted) > 4.0 * rows.loc["sigma", "se"]
     assert abs(balance.values.loc["power", "value"] - 0.25) < 0.01
+    assert "energy lost per unit of dimensionless time (now" in balance.answer[0]
 
 
 def logs(power, noise=0.0, bend=0.0, groups=6):

@@ -13,7 +13,7 @@ import rattle as rt
 from rattle.closure.stationary import linear_law
 from rattle.compare.stationary.page import answer
 from rattle.montecarlo.long_run.estimates import estimates
-from rattle.montecarlo.long_run.sums import SLOW
+from rattle.montecarlo.long_run.sums import NUMBER, SLOW
 from rattle.scene import DAT21, Scene, Start
 from rattle.scene.long_orbit import attractor
 
@@ -48,6 +48,33 @@ def test_several_attractors_are_named_with_their_shares():
     with pytest.raises(rt.InputError, match=r"of 12 starts, the motion of \d+%") as caught:
         rt.stationary(Scene(alpha=0.3, epsilon=0.8, beta1=0.05, gamma1=0.0, stages=1))
     assert "3 periods of the excitation and 6 impacts" in str(caught.value)
+
+
+def test_attractors_that_the_noise_does_not_connect_have_no_one_long_run():
+    """One path bounces once a period, as it starts; all others come to rest: no average says
+    anything."""
+    ball = Scene.load("examples/ball.toml")
+    with pytest.raises(rt.InputError, match="that the noise does not connect") as caught:
+        rt.stationary(replace(ball, alpha=0.6, sigma=0.03), budget=1.0)
+    assert "or noise that connects them" in str(caught.value)
+    assert "comes to rest for good: a contact stays closed" in str(caught.value)
+
+
+def test_an_error_that_nobody_knows_is_not_stated():
+    """Of 64 paths one alone had impacts that are not slow, and their mean speed has no error."""
+    found = rt.stationary(Scene.from_gears(DAT21, sigma=0.5), periods=64, paths=64, closures=[])
+    sums = found.run.sums
+    main = sums.main.copy()
+    power = sums.power.copy()
+    main[1:] = power[1:] = 0.0  # planted
+    main[:, :, :NUMBER] = 0.0  # nothing that is known of the noise
+    planted = estimates(sums._replace(main=main, power=power))
+    table = pd.DataFrame(planted, index=found.table.columns).T
+    assert np.isnan(table.loc["energy", "se"])
+    said = " ".join(answer(replace(found, table=table)))
+    assert "(error not known)" in said
+    assert "impacts per unit" not in said
+    assert "at most" in said
 
 
 def test_linear_law_of_two_stages():
