@@ -15,6 +15,7 @@ from rattle.scene.errors import InputError, nearest, non_negative
 from rattle.scene.gears import DRIVES, NUMBERED, check_typed, values_of
 from rattle.scene.gears_input import UNIT, read_drive
 from rattle.scene.loose_wheel import OF_MODEL, WHEEL_VALUE, kind_of_value, spell_value
+from rattle.scene.noise import DRIVE_NOISE
 from rattle.scene.parts import Start, Tolerance, Wheel, move_to_flanks
 from rattle.scene.scene import Scene
 from rattle.scene.types import state_names
@@ -90,9 +91,17 @@ def numbers_of(scene: Scene) -> dict[str, float]:
                 drawn = 2.0 * wheel.tolerance * gears.units.length
                 numbers[f"tolerance.backlash{number}"] = drawn
     numbers |= {name: getattr(scene, name) for name in (*names, "correlation_time")}
+    numbers |= _noises_of(scene)
     numbers["start.tau"] = scene.start.tau
     states = zip(state_names(scene.stages), scene.start.values, strict=False)
     return numbers | {f"start.{name}": value for name, value in states}
+
+
+def _noises_of(scene: Scene) -> dict[str, float]:
+    """Intensities of several noises, over sigma, which is that of the drive."""
+    if not isinstance(scene.noise, tuple):
+        return {}
+    return {f"noise.{name}": size for name, size in scene.noise if name != DRIVE_NOISE}
 
 
 def axis_names(scene: Scene) -> tuple[str, ...]:
@@ -124,7 +133,7 @@ def parameter_names(scene: Scene) -> list[str]:
         unused |= {name for name in NUMBERED if name[-1] == "2"}
     unused |= set(DRIVES)
     others = [name for name in values_of(gears) if name not in unused]
-    return ["amplitude", *others, "sigma", "correlation_time"]
+    return ["amplitude", *others, "sigma", *_noises_of(scene), "correlation_time"]
 
 
 def change(scene: Scene, changes: Mapping[str, Any]) -> Scene:
@@ -138,7 +147,9 @@ def change(scene: Scene, changes: Mapping[str, Any]) -> Scene:
     if typed:
         scene = scene.with_gears(**typed)
     orders: dict[int, dict[str, Any]] = {}
-    parts: dict[str, dict[str, Any]] = {"tolerance": {}, "start": {}, "wheel": {}, "body": {}}
+    parts: dict[str, dict[str, Any]] = {
+        part: {} for part in ("tolerance", "start", "wheel", "body", "noise")
+    }
     values: dict[str, Any] = {}
     for name, value in changes.items():
         part, _, field = name.partition(".")
@@ -157,6 +168,9 @@ def change(scene: Scene, changes: Mapping[str, Any]) -> Scene:
         values["drive"] = _change_orders(scene, orders)
     if parts["tolerance"]:
         values["tolerance"] = replace(scene.tolerance or Tolerance(), **parts["tolerance"])
+    if parts["noise"]:
+        noises: Any = scene.noise
+        values["noise"] = dict(noises) | parts["noise"]
     if of_wheels := parts["wheel"] | parts["body"]:
         values["wheels"] = _change_wheels(scene, of_wheels)
     gaps = [values.get(f"gap{i}", gap) for i, gap in enumerate(scene.half_gaps, 1)]
@@ -270,4 +284,7 @@ def words_of_value(name: str) -> str:
         label = value[1] or value[3]
         if label:
             return WHEEL_WORDS.get(value[2], "").format(label)
+    part, _, field = name.partition(".")
+    if part == "noise":
+        return f"intensity of the noise of {field}"
     return VALUE_WORDS.get(name, "")

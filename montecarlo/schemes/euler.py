@@ -49,7 +49,9 @@ class GapStep(NamedTuple):
     """What a step makes of a gap, the same for all lanes."""
 
     h: float  # length
-    keep: float  # share of the rate that is kept
+    # share of the rate that is kept; a spring pulls by the place at the end of the step, so that a
+    # swing neither gains nor loses energy (symplectic Euler)
+    keep: float
     # of the deviation of the parent's speed; of a wheel at the driver of its own displacement,
     # against its spring
     pull: float
@@ -112,7 +114,7 @@ def plain_lanes(
         parent = wheel.parent
         f = GapStep(
             h,
-            1.0 - h * wheel.beta,
+            1.0 - h * (wheel.beta + h * wheel.stiffness),
             h * (wheel.coupling if parent >= 0 else -wheel.stiffness),
             forcing[i, PUSH],
             forcing[i, KICK],
@@ -191,7 +193,7 @@ def longest_euler_step(scene: Scene) -> Limit:
     t = time_scales(scene)
     limits = {
         "a longer step makes the damping unstable": t.damping,
-        # the energy of an undamped swing grows by this share in a radian
+        # its energy swings by this share about the true one
         SPRING_REASON: 0.1 * t.swing,
         MEMORY_REASON: memory_step(scene),
         "a longer step cannot follow the excitation": (

@@ -87,8 +87,8 @@ def _step_partly(c: Constants, tau: float, h: float, increment: float, scratch: 
     for i in range(c.wheels.size - 1, -1, -1):
         wheel = c.wheels[i]
         y = s[2 * i + 1]
-        pulled = h * wheel.coupling * parent_deviation(c, s, i) - h * wheel.stiffness * s[2 * i]
         s[2 * i] += h * y
+        pulled = h * wheel.coupling * parent_deviation(c, s, i) - h * wheel.stiffness * s[2 * i]
         s[2 * i + 1] = (
             y
             + (pulled - h * wheel.beta * y)

@@ -104,15 +104,14 @@ def test_a_body_that_flies_for_long_is_not_given_up():
     assert simulate(scene, paths=100, impacts=1).unfinished == 0
 
 
-@pytest.mark.parametrize(("scheme", "off"), [("exact-flight", 0.0), ("euler-maruyama", 0.025)])
+@pytest.mark.parametrize(("scheme", "off"), [("exact-flight", 0.0), ("euler-maruyama", 0.004)])
 def test_default_steps_follow_a_stiff_spring(scheme, off):
     """It returns to the wall in its middle after half a period, and has lost what damping takes;
-    Euler's energy grows by the share `off` in a radian, at a quarter of the longest step."""
+    the energy of a plain Euler step would grow by 8 % meanwhile."""
     stiffness = 1e6
     mass = Wheel(beta=20.0, gap=0.0, stiffness=stiffness, one_sided=True)
     scene = Scene(alpha=0.0, epsilon=1.0, wheels=[mass], start=Start(0.0, 0.0, -1.0))
     row = simulate(scene, paths=1, impacts=1, scheme=scheme).section.iloc[0]
     half = math.pi / math.sqrt(stiffness - 100.0)
     assert row["flight"] == pytest.approx(half, rel=max(1e-9, off))
-    grown = 0.5 * off * math.pi
-    assert row["y1"] == pytest.approx(math.exp(-10.0 * half + grown), rel=max(1e-9, off))
+    assert row["y1"] == pytest.approx(math.exp(-10.0 * half), rel=max(1e-9, off))

@@ -15,6 +15,7 @@ from rattle.closure import mean_map
 from rattle.compare.study.design import read_axes
 from rattle.compare.study.parameters import find_parameter
 from rattle.scene import DAT21, InputError, Scene, Start, Wheel
+from rattle.scene.changes import change, parameter_names
 from rattle.scene.flight import field, field_rate, flow, jacobian, noise_covariance
 from rattle.scene.impact import energy_loss
 from rattle.scene.orbit import follow
@@ -219,6 +220,12 @@ def test_a_scene_of_bodies_comes_back_from_its_file(name):
     again = Scene.from_toml(scene.to_toml())
     assert again == scene
     assert ("body" in scene.to_dict()) is not scene.is_gears
+
+
+def test_the_intensity_of_one_noise_of_several_is_a_value():
+    scene = SHAKEN["table and body"]
+    assert "noise.1" in parameter_names(scene)
+    assert change(scene, {"noise.1": 0.7}) == replace(scene, noise={"drive": 1.0, 1: 0.7})
 
 
 BALL = {"gamma": 1.0, "one_sided": True, "name": "ball"}
