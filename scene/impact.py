@@ -6,7 +6,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from rattle.scene.compiled import inline, internal, jit, lean, not_inlined
+from rattle.scene.compiled import inline, internal, jit, lean, lean_internal, not_inlined
 from rattle.scene.drive import acceleration, most_acceleration, most_jerk, most_velocity
 from rattle.scene.flight import displace, wheel_speeds
 from rattle.scene.linear_algebra import add_outer
@@ -37,14 +37,35 @@ GRAZE = 1e-6
 
 @inline
 def falloff(c: Constants, i: int, speed: float) -> float:
-    """What is left of the restitution of slow impacts at a speed: ``(1 + |w| / speed)^(-1/4)``.
-
-    The power law of a plastic contact (Johnson 1985, section 11.5), which is 1 for slow impacts.
-    """
-    slowing = c.wheels[i].slowing
-    if slowing == 0.0:
+    """What is left of the restitution of slow impacts at a speed."""
+    if c.wheels[i].slowing == 0.0:
         return 1.0
-    return math.pow(1.0 + slowing * abs(speed), -FALLING_POWER)
+    return falloff_derivatives(c, i, speed)[0]
+
+
+@lean_internal
+def falloff_derivatives(c: Constants, i: int, speed: float) -> tuple[float, float, float]:
+    """`falloff`, and its first and second derivative by the size of the speed.
+
+    A table, or the power law of a plastic contact ``(1 + |w| / speed)^(-1/4)`` (Johnson 1985,
+    section 11.5), which is 1 for slow impacts.
+    """
+    not_inlined()
+    wheel = c.wheels[i]
+    size = abs(speed)
+    if wheel.rows == 0:
+        base = 1.0 + wheel.slowing * size
+        rate = wheel.slowing / base
+        left = math.pow(base, -FALLING_POWER)
+        first = -FALLING_POWER * rate * left
+        return left, first, -(1.0 + FALLING_POWER) * rate * first
+    k = 0
+    while k < wheel.rows and wheel.pieces[k + 1, 0] <= size:
+        k += 1
+    begin, constant, linear, square, cube = wheel.pieces[k]
+    t = size - begin
+    left = constant + t * (linear + t * (square + t * cube))
+    return left, linear + t * (2.0 * square + 3.0 * t * cube), 2.0 * square + 6.0 * t * cube
 
 
 @lean
@@ -62,10 +83,15 @@ def strike(c: Constants, mesh: int, s: Floats) -> None:
 @inline
 def rebound(c: Constants, mesh: int, epsilon: float, s: Floats) -> None:
     """`strike` for a given restitution of slow impacts."""
+    _reflect(c, mesh, epsilon * falloff(c, mesh - 1, s[2 * mesh - 1]), s)
+
+
+@inline
+def _reflect(c: Constants, mesh: int, epsilon: float, s: Floats) -> None:
+    """`strike` for a given restitution at the impact speed."""
     i = mesh - 1
     wheel = c.wheels[i]
     rate = s[2 * i + 1]
-    epsilon *= falloff(c, i, rate)
     change = -(1.0 + epsilon) * rate
     # of the deviations of the wheel's and of its parent's speed
     own = wheel.sign * (1.0 - wheel.share) * change
@@ -97,7 +123,8 @@ def energy_loss(c: Constants, mesh: int, y: Number) -> Number:
     reduced = wheel.mass * (1.0 - wheel.share)
     square = wheel.epsilon * wheel.epsilon + wheel.variance
     if wheel.slowing > 0.0:
-        square = square * (1.0 + wheel.slowing * abs(y)) ** (-2.0 * FALLING_POWER)
+        left = falloff(c, mesh - 1, float(y))  # of one speed; `y` may be several otherwise
+        square = square * left * left
     loss: Number = 0.5 * (1.0 - square) * reduced * y * y
     return loss
 
@@ -323,10 +350,10 @@ def next_impact(
 
 @internal
 def _unit_rebound(c: Constants, mesh: int, epsilon: float) -> Floats:
-    """State after an impact of unit rate with a given restitution at that speed."""
+    """State after an impact of unit rate with a given restitution."""
     unit = np.zeros(2 * c.wheels.size)
     unit[2 * mesh - 1] = 1.0
-    rebound(c, mesh, epsilon / falloff(c, mesh - 1, 1.0), unit)
+    _reflect(c, mesh, epsilon, unit)
     return unit
 
 
@@ -340,11 +367,10 @@ def contact_matrix(c: Constants, mesh: int, speed: float, size: int = 0, at: int
     states = 2 * c.wheels.size
     r = np.eye(max(size, states))
     if mesh > 0:
-        wheel = c.wheels[mesh - 1]
-        fast = wheel.slowing * abs(speed)
+        left, first, _ = falloff_derivatives(c, mesh - 1, speed)
         # derivative of epsilon(w) w
-        slope = falloff(c, mesh - 1, speed) * (1.0 - FALLING_POWER * fast / (1.0 + fast))
-        unit = _unit_rebound(c, mesh, wheel.epsilon * slope)
+        slope = c.wheels[mesh - 1].epsilon * (left + first * abs(speed))
+        unit = _unit_rebound(c, mesh, slope)
         for i in range(states):
             r[at + i, at + 2 * mesh - 1] = unit[i]
     return r
@@ -367,11 +393,9 @@ def rebound_axis(c: Constants, mesh: int, size: int) -> Floats:
 @internal
 def rebound_bend(c: Constants, mesh: int, speed: float) -> float:
     """Second derivative of ``epsilon(w) w`` at an impact speed."""
-    wheel = c.wheels[mesh - 1]
-    fast = wheel.slowing * abs(speed)
-    falls = math.pow(1.0 + fast, -FALLING_POWER - 2.0)
-    size = FALLING_POWER * (2.0 + (1.0 - FALLING_POWER) * fast) * falls
-    return -math.copysign(wheel.epsilon * wheel.slowing * size, speed)
+    _, first, second = falloff_derivatives(c, mesh - 1, speed)
+    bend = 2.0 * first + second * abs(speed)
+    return math.copysign(c.wheels[mesh - 1].epsilon, speed) * bend
 
 
 @internal

@@ -3,10 +3,11 @@ paths."""
 
 import math
 import re
-from collections.abc import Sequence, Sized
+from collections.abc import Iterable, Sequence, Sized
 from copy import copy
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
+from itertools import pairwise
 from statistics import NormalDist
 from typing import Any, NamedTuple
 
@@ -23,7 +24,7 @@ from rattle.scene.errors import (
     unit_interval,
 )
 from rattle.scene.text import as_call
-from rattle.scene.types import CUT, MOST_WHEELS, state_names
+from rattle.scene.types import CUT, MOST_ROWS, MOST_WHEELS, state_names
 
 _edge = math.exp(-0.5 * CUT**2) / math.sqrt(2.0 * math.pi)
 UNIT_VARIANCE = {
@@ -65,6 +66,7 @@ class Restitution:
 
     ``epsilon(w) = e (1 + |w| / speed)^(-1/4)`` at the impact speed w: that of slow impacts, and the
     power law of a plastic contact for fast ones (Johnson, Contact Mechanics, 1985, section 11.5).
+    Or a table says how it falls: a monotone cubic between its rows, constant beyond both ends.
     e is `epsilon`, or random: normal with mean `epsilon`, cut at `least` and `most`.
 
     Parameters
@@ -79,6 +81,11 @@ class Restitution:
     speed : float, optional
         Impact speed at which restitution is 16 % below that of slow impacts, 1e-9 to 1e6; left
         out, it does not depend on speed.
+    table : sequence of pairs, optional
+        In place of `speed`, 2 to 16 rows of an impact speed and the restitution there: speeds rise
+        from row to row, 1e-9 to 1e6, and restitutions, 1 to 0, do not.  `epsilon` of the contact is
+        then by default that of the first row; with another all rows are multiplied, so that slow
+        impacts have it.
 
     Raises
     ------
@@ -89,6 +96,8 @@ class Restitution:
     --------
     >>> Restitution(sd=0.02, least=0.84, most=1.0).draw
     'contact'
+    >>> Wheel(restitution=Restitution(table=[(0.1, 0.9), (0.5, 0.8), (2.0, 0.6)])).epsilon
+    0.9
     """
 
     sd: float = 0.0
@@ -96,6 +105,7 @@ class Restitution:
     most: float | None = None
     draw: str = "contact"
     speed: float | None = None
+    table: Sequence[tuple[float, float]] | None = None
 
     def __post_init__(self) -> None:
         for name in ("sd", "least", "most", "speed"):
@@ -108,11 +118,18 @@ class Restitution:
         if self.speed is not None:
             speed = positive("restitution.speed", self.speed)
             check_range("restitution.speed", speed, *GAPS, zero=False)
+        if self.table is None:
+            return
+        if self.speed is not None:
+            raise InputError("restitution.speed", self.speed, "give it, or a table; not both")
+        object.__setattr__(self, "table", _read_rows(self.table))
 
     def scaled(self, factor: float) -> "Restitution":
         """The same in another unit of length: old unit over the new one."""
         changed = copy(self)
         object.__setattr__(changed, "speed", self.speed and factor * self.speed)
+        rows = self.table and tuple((factor * speed, value) for speed, value in self.table)
+        object.__setattr__(changed, "table", rows)
         return changed
 
     def of(self, epsilon: float) -> "RestitutionLaw":
@@ -125,8 +142,38 @@ class Restitution:
         if self.sd and not least <= epsilon <= most:
             why = f"epsilon = {epsilon} must lie between least = {least} and most = {most}"
             raise InputError("restitution", (least, most), why)
-        slowing = 0.0 if self.speed is None else 1.0 / self.speed
-        return RestitutionLaw(epsilon, self.sd, (least, most), self.draw, slowing)
+        table = tuple(self.table or ())
+        speed = table[0][0] if table else self.speed
+        slowing = 0.0 if speed is None else 1.0 / speed
+        return RestitutionLaw(epsilon, self.sd, (least, most), self.draw, slowing, table)
+
+
+def _read_rows(given: Iterable[Any]) -> tuple[tuple[float, float], ...]:
+    """The rows of a table of restitution, checked."""
+    name = "restitution.table"
+    try:
+        rows = [tuple(row) for row in given]
+    except TypeError:
+        rows = []
+    if not 2 <= len(rows) <= MOST_ROWS or any(len(row) != 2 for row in rows):
+        raise InputError(name, given, f"give 2 to {MOST_ROWS} rows [impact speed, restitution]")
+    table = []
+    for number, row in enumerate(rows, 1):
+        place = f"{name}: speed of row {number}"
+        speed = positive(place, finite(place, row[0]))
+        check_range(place, speed, *GAPS, zero=False)
+        place = f"{name}: restitution of row {number}"
+        table.append((speed, unit_interval(place, finite(place, row[1]))))
+    for (slower, before), (faster, after) in pairwise(table):
+        if faster <= slower:
+            raise InputError(name, faster, f"must be above {slower:g}: speeds in rising order")
+        if after > before:
+            why = f"must be at most {before:g}: restitution does not rise with the speed"
+            raise InputError(name, after, why)
+    if table[0][1] == 0.0:
+        why = "must be above 0 in the first row; for none at any speed give epsilon = 0 alone"
+        raise InputError(name, 0.0, why)
+    return tuple(table)
 
 
 class RestitutionLaw(NamedTuple):
@@ -136,7 +183,9 @@ class RestitutionLaw(NamedTuple):
     sd: float
     ends: tuple[float, float]
     draw: str
-    slowing: float  # 1 over its speed; 0 if it does not depend on that
+    # 1 over its speed, or over that of the first row of its table; 0 if it does not depend on that
+    slowing: float
+    table: tuple[tuple[float, float], ...]  # impact speeds and restitutions, or empty
 
     @property
     def moments(self) -> tuple[float, float]:
@@ -173,7 +222,8 @@ class Wheel:
         Radius of the parent at this mesh over the parent's own radius (at the driver: over its
         radius at wheel 1), 1e-3 to 1e3.
     epsilon : float, optional
-        Restitution at its mesh, 0 to 1; by default that of the scene.
+        Restitution at its mesh, 0 to 1; by default that of the first row of its table of
+        restitution, or of the scene.
     stiffness : float
         Of a spring that holds it at the middle of its gap, ``x'' = ... - stiffness x``: 0 to 1e8.
         It then meshes with the driver and drives no other.
@@ -243,6 +293,8 @@ class Wheel:
 
         if not isinstance(self.restitution, Restitution | None):
             raise InputError("wheel.restitution", self.restitution, "give a Restitution")
+        if self.restitution and self.restitution.table and self.epsilon is None:
+            object.__setattr__(self, "epsilon", self.restitution.table[0][1])
 
     @cached_property
     def law(self) -> RestitutionLaw:

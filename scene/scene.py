@@ -742,7 +742,7 @@ class Scene:
     def _compiled_wheels(self) -> Wheels:
         """The wheels for compiled code, which only reads them."""
         # here, for it loads numba, which --help has no use for
-        from rattle.scene.wheel import complete_wheels
+        from rattle.scene.wheel import complete_wheels, restitution_pieces
 
         fixed = self.tolerance is not None and self.tolerance.distribution == "fixed"
         tree = self.tree
@@ -752,6 +752,11 @@ class Scene:
         moments = [wheel.law.moments for wheel in tree]
         wheels["epsilon"], wheels["variance"] = np.transpose(moments)
         wheels["slowing"] = [wheel.law.slowing for wheel in tree]
+        wheels["rows"] = [len(wheel.law.table) for wheel in tree]
+        for i, wheel in enumerate(tree):
+            if wheel.law.table:
+                pieces = restitution_pieces(wheel.law.table)
+                wheels["pieces"][i, : len(pieces)] = pieces
         wheels["wall"] = [wheel.gap + fixed * wheel.tolerance for wheel in tree]
         wheels["low"] = [wheel.low_gap + fixed * wheel.tolerance for wheel in tree]
         # a wall in the middle has the unit of length

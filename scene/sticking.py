@@ -328,6 +328,9 @@ def write_bodies(c: Constants, closed: Ints, free: Ints, bodies: Bodies, wheels:
         body.epsilon = wheel.epsilon
         body.variance = wheel.variance
         body.slowing = wheel.slowing
+        body.rows = wheel.rows
+        if wheel.rows > 0:
+            body.pieces = wheel.pieces
     complete_wheels(wheels, c.drive)
 
 

@@ -4,6 +4,7 @@ A gearbox is a tree of loose wheels behind one driver: every wheel meshes with a
 """
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -45,6 +46,24 @@ def complete_wheels(wheels: Wheels, drive: Any) -> None:
             wheel.first = wheel.turn * (parent.beta - wheel.beta)
             wheel.force = wheel.ratio * parent.own - wheel.own
             wheel.shaking = math.hypot(wheel.alone, wheel.ratio * parent.alone)
+
+
+def restitution_pieces(table: Sequence[tuple[float, float]]) -> Floats:
+    """What is left of the restitution of slow impacts over the speed: each row the speed at which a
+    cubic piece begins, and its coefficients of rising power.
+
+    Monotone and once differentiable (Fritsch and Butland 1984); constant beyond both ends, where
+    the slope is 0.
+
+    Shapes: `table` (rows, 2); result (rows + 1, 5).
+    """
+    from scipy.interpolate import PchipInterpolator  # takes a moment to load
+
+    speeds, values = np.array(table).T
+    left = values / values[0]
+    ends = np.pad(speeds, 1, constant_values=(0.0, 2.0 * speeds[-1]))
+    pieces = PchipInterpolator(ends, np.pad(left, 1, mode="edge"))
+    return np.column_stack([pieces.x[:-1], pieces.c[::-1].T])
 
 
 @splice

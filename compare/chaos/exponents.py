@@ -20,6 +20,8 @@ from rattle.compare.chaos.record import NoRecord, Regime, in_threads, noisy_reco
 from rattle.montecarlo.coupling.paths import after_impact, growths
 from rattle.montecarlo.statistics.intervals import CONFIDENCE, half_width
 from rattle.scene import Floats, InputError, Ints, Scene, count
+from rattle.scene.impact import falloff_derivatives
+from rattle.scene.long_orbit import struck_speeds
 from rattle.scene.tangent import Stretch
 
 ORBIT = "orbit"
@@ -86,8 +88,8 @@ class Exponents:
     value: Floats
     half: Floats
     rate: float  # impacts per unit of time at all meshes together
-    # sum of the exponents less its exact value, 2 ln epsilon of each impact over the time less all
-    # beta, on the same record; nothing but rounding
+    # sum of the exponents less its exact value, the logarithm of the determinant of each impact (2
+    # ln epsilon) over the time less all beta, on the same record; nothing but rounding
     sum_error: float
     impacts: int  # impacts of the record
     time: float  # duration of the record
@@ -134,11 +136,26 @@ class Exponents:
         return int(math.ceil(need / unit) * unit)
 
 
+def _returned(scene: Scene, mesh: Ints, speed: Floats) -> Floats:
+    """Restitution at impact speeds w, and the derivative of ``epsilon(w) w`` there.
+
+    Shapes: `mesh`, `speed` (impacts,); result (2, impacts).
+    """
+    c = scene.constants
+    found = np.tile(c.wheels["epsilon"][mesh - 1], (2, 1))
+    if c.wheels["slowing"].any():
+        for k, (m, w) in enumerate(zip(mesh.tolist(), speed.tolist(), strict=True)):
+            left, first, _ = falloff_derivatives(c, m - 1, w)
+            found[:, k] *= left, left + first * abs(w)
+    return found
+
+
 def _blocks(scene: Scene, s: Stretch) -> Floats:
     """Sums over `GROWTH_BLOCK` impacts each (the last block may have fewer): time, number of
     impacts, the exact logarithm of their determinants, log growths."""
     starts = np.arange(0, s.flight.size, GROWTH_BLOCK)
-    shrinking = 2.0 * np.log(scene.constants.wheels["epsilon"])[np.abs(s.code) - 1]
+    mesh = np.abs(s.code)
+    shrinking = np.log(np.abs(_returned(scene, mesh, struck_speeds(mesh, s.before)))).sum(axis=0)
     columns = np.column_stack([s.flight, np.ones(s.flight.size), shrinking, s.growth])
     return np.asarray(np.add.reduceat(columns, starts, axis=0))
 
@@ -355,8 +372,8 @@ def sqrt_law(scene: Scene, *, impacts: int = 4000, seed: int = 0) -> SqrtLaw:
             f"only {len(apart)} impacts at mesh 1 are fast enough, and at a phase that has noise"
         )
     speed, modulation = place[modulated, 1:, None].swapaxes(0, 1)
-    epsilon = scene.constants.wheels[0].epsilon
-    law = (1.0 + epsilon) * scene.sigma * np.abs(modulation) * np.sqrt(deltas / speed)
+    slope = _returned(scene, np.ones(len(apart), np.int64), speed[:, 0])[1, :, None]
+    law = (1.0 + slope) * scene.sigma * np.abs(modulation) * np.sqrt(deltas / speed)
     square = (apart / law) ** 2
     ratio = square.mean(axis=0)
     half = _half_width(square)

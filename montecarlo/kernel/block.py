@@ -22,7 +22,7 @@ from rattle.montecarlo.statistics.central_sums import VARIANCE, CentralSums, col
 from rattle.montecarlo.statistics.section_statistics import PAIR, Orders
 from rattle.montecarlo.statistics.weighted_sums import WeightedSums
 from rattle.scene import Constants, Floats, Ints, Scene
-from rattle.scene.compiled import lean
+from rattle.scene.compiled import jit, lean
 from rattle.scene.impact import energy_loss, strike
 from rattle.scene.wheel import flanks_of
 
@@ -399,8 +399,19 @@ def energy_losses(c: Constants, rows: Floats) -> Floats:
     losses = np.full((*rows.shape[:2], 1), np.nan)
     for mesh in range(1, c.wheels.size + 1):
         here = np.abs(rows[..., -1:]) == mesh
-        loss = energy_loss(c, mesh, rows[..., 2 * mesh + 1 : 2 * mesh + 2])
+        y = rows[..., 2 * mesh + 1 : 2 * mesh + 2]
+        constant = c.wheels[mesh - 1].slowing == 0.0
+        loss = energy_loss(c, mesh, y) if constant else _falling_losses(c, mesh, y)
         losses = np.where(here, loss, losses)
+    return losses
+
+
+@jit
+def _falling_losses(c: Constants, mesh: int, y: Floats) -> Floats:
+    """`energy_loss` of each rate, where restitution depends on it."""
+    losses = np.empty(y.shape)
+    for at, rate in np.ndenumerate(y):
+        losses[at] = energy_loss(c, mesh, rate)
     return losses
 
 

@@ -7,7 +7,9 @@ import pytest
 
 from rattle import Record, Scene, Start, Wheel, mean_map, simulate, stationary, validate
 from rattle.scene import InputError, Restitution
+from rattle.scene.impact import contact_matrix, rebound_bend, strike
 from rattle.scene.orbit import follow
+from rattle.scene.sticking import as_bodies
 from rattle.scene.tangent import saltation_matrix
 
 GRAVITY = 9.807
@@ -102,6 +104,61 @@ def test_a_restitution_that_falls_with_the_speed_returns_what_it_says():
         )
 
 
+ROWS = ((0.1, 0.9), (0.4, 0.9), (0.5, 0.7), (2.0, 0.6), (3.0, 0.0))
+MEASURED = Restitution(table=ROWS)
+
+
+def test_a_table_is_met_falls_and_has_a_slope_everywhere():
+    """Rows are met, restitution is constant beyond them, falls between them, and returned speed
+    and its derivatives fit each other; the first derivative has no jump at a row."""
+    c = ball(MEASURED, epsilon=None).constants
+
+    def returned(speed):
+        state = np.array([0.0, speed])
+        strike(c, 1, state)
+        return -state[1]
+
+    def slope(speed):
+        return -contact_matrix(c, 1, speed)[1, 1]
+
+    for speed, epsilon in (*ROWS, (0.01, 0.9), (50.0, 0.0)):
+        assert returned(speed) == pytest.approx(epsilon * speed, abs=1e-14)
+        assert slope(speed * (1.0 - 1e-12)) == pytest.approx(slope(speed), abs=1e-9)
+    assert slope(0.1) == pytest.approx(0.9)
+    speeds = np.linspace(0.05, 3.5, 700)
+    epsilon = np.array([returned(speed) / speed for speed in speeds])
+    assert (np.diff(epsilon) <= 1e-15).all()
+    for speed in (0.05, 0.45, -0.45, 1.3, -2.9, 4.0):
+        away = speed + np.array([-1e-5, 1e-5])
+        assert slope(speed) == pytest.approx(np.diff([returned(v) for v in away])[0] / 2e-5)
+        bend = np.diff([slope(v) for v in away])[0] / 2e-5
+        assert rebound_bend(c, 1, speed) == pytest.approx(bend, rel=1e-6, abs=1e-9)
+
+
+def test_a_table_made_of_the_formula_gives_what_the_formula_gives():
+    """Rows 0.15 apart where impacts are: orbit, closures, energy lost and sampled paths, and what a
+    locked chain of wheels returns."""
+    formula = chain(Restitution(speed=4.0), 0.02)
+    speeds = np.array([1e-3, *np.linspace(0.2, 2.2, 14), 6.0])
+    table = Restitution(table=zip(speeds, 0.9 * (1.0 + speeds / 4.0) ** -0.25, strict=True))
+    dense = chain(table, 0.02)
+    assert follow(dense, 4).before == pytest.approx(follow(formula, 4).before, abs=2e-6)
+    names = [f"{kind}{q}" for q in ("tau", "y1", "y2") for kind in ("", "sd_")]
+    for closure in ("saltation", "branching"):
+        of_table, of_formula = (
+            mean_map(scene, impacts=4, closure=closure).section[names] for scene in (dense, formula)
+        )
+        assert of_table.to_numpy() == pytest.approx(of_formula.to_numpy(), abs=5e-6), closure
+    settings = {"paths": 500, "impacts": 4, "rng": 3, "record": Record(energy=True)}
+    of_table, of_formula = (simulate(scene, **settings).section for scene in (dense, formula))
+    sampled = [*names, "energy"]
+    assert of_table[sampled].to_numpy() == pytest.approx(of_formula[sampled].to_numpy(), abs=5e-6)
+    for scene in (dense, formula):
+        body = np.array([0.0, 1.3])
+        strike(as_bodies(scene.constants, np.array([1, 0])), 1, body)
+        assert body[1] == pytest.approx(-1.3 * 0.9 * (1.0 + 1.3 / 4.0) ** -0.25, abs=1e-6)
+
+
 def chain(law, sigma):
     """Two wheels in a row with a law of restitution at both meshes."""
     first = Wheel(beta=0.083, gamma=0.4, restitution=law)
@@ -110,7 +167,12 @@ def chain(law, sigma):
 
 
 @pytest.mark.parametrize(
-    ("law", "sigma"), [(Restitution(speed=4.0), 0.02), (Restitution(sd=0.01, speed=4.0), 0.005)]
+    ("law", "sigma"),
+    [
+        (Restitution(speed=4.0), 0.02),
+        (Restitution(sd=0.01, speed=4.0), 0.005),
+        (Restitution(sd=0.01, table=[(0.2, 0.9), (1.0, 0.8), (2.5, 0.7)]), 0.005),
+    ],
 )
 def test_saltation_knows_a_law_of_restitution(law, sigma):
     """Means and sds after four impacts against simulated ones; without the law both are far off."""
@@ -125,11 +187,11 @@ def test_saltation_knows_a_law_of_restitution(law, sigma):
     assert deviate(None) > 20.0
 
 
-def test_energy_of_a_random_restitution_balances_in_the_long_run():
+@pytest.mark.parametrize("fast", [{"speed": 2.0}, {"table": [(0.1, 0.7), (0.5, 0.6), (1.0, 0.3)]}])
+def test_energy_of_a_random_restitution_balances_in_the_long_run(fast):
     """What noise supplies impacts lose: the loss counts the variance of the restitution."""
-    mass = Wheel(
-        beta=0.1, gap=0.0, stiffness=1.0, one_sided=True, restitution=Restitution(sd=0.1, speed=2.0)
-    )
+    law = Restitution(sd=0.1, **fast)
+    mass = Wheel(beta=0.1, gap=0.0, stiffness=1.0, one_sided=True, restitution=law)
     scene = Scene(alpha=0.0, epsilon=0.7, sigma=0.5, noise=1, wheels=[mass])
     run = stationary(scene, periods=256, paths=64, rng=2).run
     lost, supplied = run.energy_balance()
@@ -139,6 +201,11 @@ def test_energy_of_a_random_restitution_balances_in_the_long_run():
     assert error < 0.02 * supplied.mean()
 
 
+def measured(*rows, **others):
+    """A law of restitution by some rows of a table."""
+    return Restitution(table=rows, **others)
+
+
 @pytest.mark.parametrize(
     ("make", "field", "value", "remedy"),
     [
@@ -146,6 +213,16 @@ def test_energy_of_a_random_restitution_balances_in_the_long_run():
         (lambda: Restitution(draw="once"), "restitution.draw", "once", "contact"),
         (lambda: Restitution(speed=0.0), "restitution.speed", "0.0", "greater than 0"),
         (lambda: ball(Restitution(sd=0.1, most=0.8)), "body.1.restitution", "0.8", "= 0.9"),
+        (lambda: measured((0.1, 0.9)), "restitution.table", "0.9", "2 to 16 rows"),
+        (lambda: Restitution(table=0.9), "restitution.table", "0.9", "2 to 16 rows"),
+        (lambda: measured(*[(v, 0.5) for v in range(1, 18)]), "restitution.table", "17", "16"),
+        (lambda: measured((0.1, 0.9, 1), (2, 0.8)), "restitution.table", "0.1", "impact speed"),
+        (lambda: measured((0.0, 0.9), (1.0, 0.8)), "restitution.table", "0.0", "greater than 0"),
+        (lambda: measured((2.0, 0.9), (1.0, 0.8)), "restitution.table", "1.0", "above 2"),
+        (lambda: measured((1.0, 0.9), (2.0, 1.8)), "restitution.table", "1.8", "between 0 and 1"),
+        (lambda: measured((1.0, 0.8), (2.0, 0.9)), "restitution.table", "0.9", "at most 0.8"),
+        (lambda: measured((1.0, 0.0), (2.0, 0.0)), "restitution.table", "0.0", "epsilon = 0"),
+        (lambda: measured(*ROWS, speed=2.0), "restitution.speed", "2.0", "not both"),
         (
             lambda: mean_map(ball(BY_PATH), impacts=2, closure="saltation"),
             "restitution.draw",
@@ -176,3 +253,22 @@ def test_a_law_of_restitution_goes_through_a_file():
     assert scene.noise_free.tree[0].restitution == Restitution(speed=2.0)
     table = validate(scene, impacts=2, paths=2_000, closures=["saltation"], rng=1).table
     assert set(table["closure"]) == {"saltation"}
+
+
+def test_a_table_goes_through_a_file_and_is_multiplied_by_an_epsilon():
+    """Of the first row by default; in another unit of length speeds alone are others."""
+    body = """
+        name = "ball"
+        gamma = 1.0
+        gap = 0.0
+        one_sided = true
+        restitution.table = [[0.5, 0.8], [2.0, 0.6]]
+    """
+    scene = Scene.from_toml(f"[scene]\nepsilon = 0.5\n[[body]]{body}")
+    assert scene.tree[0].epsilon == 0.8
+    assert Scene.from_toml(scene.to_toml()) == scene
+    assert scene.scaled(2.0).tree[0].restitution.table == ((1.0, 0.8), (4.0, 0.6))
+    slower = Scene.from_toml(f"[scene]\n[[body]]{body}epsilon = 0.4")
+    state = np.array([0.0, 3.0])
+    strike(slower.constants, 1, state)
+    assert state[1] == pytest.approx(-0.3 * 3.0)
