@@ -188,6 +188,8 @@ def _line_of(text: str, error: InputError) -> int | None:
     wanted = [f".{field}"]
     if isinstance(error.value, str):
         wanted.append(f".{field}.{error.value}")
+    if field.startswith("noise."):  # of a table in one line
+        wanted.append(".noise")
     table = ""
     tables = 0
     for number, line in enumerate(text.splitlines(), start=1):
