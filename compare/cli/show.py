@@ -141,15 +141,15 @@ def template(name: str, wheels: int | None = None, system: str | None = None) ->
 
 
 @click.command()
-@click.argument("file", type=shared.FILE_PATH, default=Path("gears.toml"))
+@click.argument("file", type=shared.FILE_PATH, required=False)
 @shared.whole("wheels", None, "Loose wheels: a gearbox in place of the pair; 1 to 32.")
 @shared.name_option("system", list(SYSTEMS), "No gears: another system with impacts.")
-def init(file: Path, wheels: int | None, system: str | None) -> None:
+def init(file: Path | None, wheels: int | None, system: str | None) -> None:
     """Write a scene file to start from, with comments.
 
     Every key has its unit, its meaning and a value: those of DAT21, with --wheels those of a
     made-up gearbox, with --system those of a ball, an oscillator or an impact pair. FILE is
-    gears.toml if none is given; an existing file is never replaced.
+    gears.toml if none is given, or ball.toml and so on; an existing file is never replaced.
 
     Exit codes: 0 written; 2 not.
     """
@@ -157,6 +157,7 @@ def init(file: Path, wheels: int | None, system: str | None) -> None:
         count("wheels", wheels, most=MOST_WHEELS)
     if wheels is not None and system is not None:
         raise InputError("wheels", wheels, "goes without --system; give one of them")
+    file = file or Path(f"{system or 'gears'}.toml")
     text = template(file.name, wheels, system)
     try:
         with file.open("x", encoding="utf-8") as new:

@@ -116,6 +116,13 @@ def test_another_system_loads_simulates_and_is_an_example(system, body, tmp_path
     assert file.read_text() == example.replace(f"{name}.toml", "mine.toml")
 
 
+def test_a_file_without_a_name_has_that_of_its_system(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    rattle("init")
+    rattle("init --system ball")
+    assert {file.name for file in tmp_path.iterdir()} == {"gears.toml", "ball.toml"}
+
+
 @pytest.mark.parametrize("words", ["--system bal", "--system ball --wheels 2"])
 def test_a_wrong_system_is_refused(words, tmp_path):
     said = rattle(f"init {tmp_path / 'mine.toml'} {words}", code=2).output
