@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, field
 from functools import partial
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING
 
 import pandas as pd
 
@@ -62,8 +62,8 @@ class Assessment(Finding):
     (True, True)
     """
 
-    title: ClassVar[str] = "Assessment"
-    shown: ClassVar[str] = "table"
+    title = "Assessment"
+    shown = "table"
 
     scene: Scene
     thresholds: tuple[RattleThreshold, ...]

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from itertools import product
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -18,6 +18,7 @@ from rattle.compare.ramp.curves import (
 from rattle.compare.ramp.plan import RAMP_BURN_IN, RunUpPlan, plan_work
 from rattle.compare.ramp.result import POWERS, QUANTITIES, RunUp
 from rattle.compare.ramp.speed import SpeedRamp, read_ramp
+from rattle.compare.report.json_text import Facts
 from rattle.compare.stationary.measure import stationary
 from rattle.compare.stationary.result import Stationary, unit_of
 from rattle.montecarlo.kernel.blocks import Budget
@@ -321,7 +322,7 @@ def _compare(
     kind: str,
     group: int,
     suffix: str,
-) -> dict[str, Any]:
+) -> Facts:
     """Columns of a quantity in the ramp, and of its difference from constant speeds."""
 
     def column(name: str, statistic: str) -> Floats:
@@ -389,7 +390,7 @@ def _tabulate_points(ramp: SpeedRamp, runs: list[SteadyRun]) -> pd.DataFrame:
     """Every speed: excitation, drag and threshold of each wheel, and what was run there."""
     rows = []
     for run in sorted(runs, key=lambda run: run.rpm):
-        row: dict[str, Any] = {"rpm": run.rpm, "omega": float(ramp.omega_at(np.array(run.rpm)))}
+        row: Facts = {"rpm": run.rpm, "omega": float(ramp.omega_at(np.array(run.rpm)))}
         for wheel in rattle_threshold(ramp.scene_at(run.rpm)):
             row[f"drag{wheel.wheel}"] = wheel.drag
             row[f"threshold{wheel.wheel}"] = wheel.least

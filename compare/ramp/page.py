@@ -1,15 +1,14 @@
 """The page of a run-up."""
 
-from typing import Any
-
 import pandas as pd
 
 from rattle.compare.ramp.result import RunUp
+from rattle.compare.report.json_text import Facts
 from rattle.compare.report.report import Report
 from rattle.compare.report.texts import wheel_label
 
 
-def make_report(found: RunUp, record: dict[str, Any]) -> Report:
+def make_report(found: RunUp, record: Facts) -> Report:
     """The report on a run-up."""
     parts = found.table["quantity"].str.partition("_mesh")
     by_mesh = parts[2] != ""

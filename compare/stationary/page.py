@@ -10,6 +10,7 @@ import pandas as pd
 from rattle.compare.chaos.figures import bifurcation_figure
 from rattle.compare.chaos.sweep import Bifurcation
 from rattle.compare.judge.verdict import MARKS, Verdict
+from rattle.compare.report.json_text import Facts
 from rattle.compare.report.render import render_sentences
 from rattle.compare.report.report import Report
 from rattle.compare.report.table import NO_VALUE, Table
@@ -60,7 +61,7 @@ def _verdicts(verdicts: pd.DataFrame) -> pd.DataFrame:
     return rows.assign(mark=rows["verdict"].map(MARKS).fillna(""))
 
 
-def make_report(found: Stationary, view: Bifurcation | None, record: dict[str, Any]) -> Report:
+def make_report(found: Stationary, view: Bifurcation | None, record: Facts) -> Report:
     """The report on a long run."""
     units = _units(found)
     gears = found.scene.gears

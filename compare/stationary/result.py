@@ -5,12 +5,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
 
 from rattle.closure.stationary import Law
+from rattle.compare.report.json_text import Facts
 from rattle.compare.stationary.verdicts import judge_predictions, laws, predictions
 from rattle.montecarlo.long_run import LongRun, SectionDensity
 from rattle.montecarlo.long_run.estimates import groups
@@ -301,7 +302,7 @@ class Stationary:
         """`verdicts` in a system of units, with a column ``unit``, as `table_in`."""
         return in_units(self.verdicts, self.scene.gears, units)
 
-    def to_dict(self, units: str = "dimensionless") -> dict[str, Any]:
+    def to_dict(self, units: str = "dimensionless") -> Facts:
         """Everything but the section as plain data.
 
         Parameters
@@ -314,7 +315,7 @@ class Stationary:
         dict
         """
         run = self.run
-        facts: dict[str, Any] = {
+        facts: Facts = {
             "kind": self.kind,
             "said": self.said,
             "slow": self.slow,

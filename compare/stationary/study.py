@@ -6,12 +6,12 @@ import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields, replace
 from itertools import cycle
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 from matplotlib.figure import Figure
 
-from rattle.compare.engine.store import Cell, Content
+from rattle.compare.engine.store import Cell, Content, Facts
 from rattle.compare.judge.verdict import JUDGED, Tolerances, Verdict, span
 from rattle.compare.report.render import render_sentences
 from rattle.compare.report.style import STYLE, new_figure
@@ -65,7 +65,7 @@ class LongResult:
 
     table: pd.DataFrame  # as of `rattle.compare.stationary.result.Stationary`
     predicted: pd.DataFrame  # as of `rattle.compare.stationary.verdicts.predictions`
-    facts: dict[str, Any]  # `FACTS`
+    facts: Facts  # `FACTS`
 
     @property
     def verdicts(self) -> pd.DataFrame:
@@ -79,8 +79,8 @@ class LongResult:
 class LongCell(Cell):
     """The long run of a scene."""
 
-    group: ClassVar[str] = "long runs"
-    packages: ClassVar[tuple[str, ...]] = ("closure", "montecarlo")
+    group = "long runs"
+    packages = ("closure", "montecarlo")
 
     scene: Scene
     seed: int
@@ -94,12 +94,12 @@ class LongCell(Cell):
     limit: Budget | None = None
 
     @property
-    def asked(self) -> dict[str, Any]:
+    def asked(self) -> Facts:
         """The `LONG_RUN_SETTINGS` of the simulation."""
         return {name: getattr(self, name) for name in LONG_RUN_SETTINGS}
 
     @property
-    def settings(self) -> dict[str, Any]:
+    def settings(self) -> Facts:
         """Everything that determines the result besides the scene, and the columns that are
         stored."""
         names = [f.name for f in fields(self) if f.name not in ("scene", "limit")]
@@ -116,7 +116,7 @@ class LongCell(Cell):
             "branching" in self.closures
         )
 
-    def evaluate(self, blocks: Blocks | None = None) -> tuple[pd.DataFrame, dict[str, Any]]:
+    def evaluate(self, blocks: Blocks | None = None) -> tuple[pd.DataFrame, Facts]:
         """Follow the long run; raises BudgetEnded if it does not fit the budget."""
         budget = None
         if self.limit is not None and math.isfinite(self.limit.seconds):
@@ -138,7 +138,7 @@ class LongCell(Cell):
             if run.reach is not None and not run.reach.reached:
                 raise InputError("accuracy", self.accuracy, run.reach.sentence)
             parts.append(predictions(result.laws, result.scene, self.slow))
-        facts: dict[str, Any] = {"kind": result.kind, "said": result.said}
+        facts: Facts = {"kind": result.kind, "said": result.said}
         facts |= {name: getattr(run, name, 0) for name in ("periods", "paths", "impacts")}
         facts["burn_in"] = run.burn_in.periods if run else 0
         return pd.concat([part for part in parts if len(part)], ignore_index=True), facts
@@ -157,7 +157,7 @@ class LongTables:
     """The tables of a study of the long run."""
 
     study: Study
-    record: dict[str, Any]  # the manifest
+    record: Facts  # the manifest
     # every quantity at every point: the fields that vary, ``quantity``, and the columns of
     # `LongResult.table`
     quantities: pd.DataFrame
@@ -234,7 +234,7 @@ def combine(study: Study, found: Mapping[str, LongResult]) -> LongTables:
     )
 
 
-def read(given: Mapping[str, Any], varying: set[str], scene: Scene) -> dict[str, Any]:
+def read(given: Mapping[str, Any], varying: set[str], scene: Scene) -> Facts:
     """Read the fields of `Study` that ``[study]`` gives."""
     settings = {name: given[name] for name in (*LONG_RUN_SETTINGS, "seed") if name in given}
     for name in varying & {"scheme", "dt", *settings}:
@@ -255,7 +255,7 @@ def read(given: Mapping[str, Any], varying: set[str], scene: Scene) -> dict[str,
 
 
 def cells(
-    study: Study, scene: Scene, settings: dict[str, Any]
+    study: Study, scene: Scene, settings: Facts
 ) -> tuple[LongCell | None, tuple[()], dict[str, str]]:
     """The long run of a point, or why it cannot be computed."""
     try:
@@ -403,7 +403,7 @@ def draw(r: LongTables) -> list[Drawing]:
     return drawn
 
 
-def content(r: LongTables, seconds: Mapping[str, float]) -> dict[str, Any]:
+def content(r: LongTables, seconds: Mapping[str, float]) -> Facts:
     """What the template of the page shows: the main quantities at every point, with half widths of
     their intervals."""
     names = r.study.names
