@@ -9,7 +9,14 @@ from matplotlib.figure import Figure
 
 from rattle.compare.judge.verdict import DECIDED, Verdict
 from rattle.compare.parameters.finding import AlongParameter, quantity_words
-from rattle.compare.report.style import axis_label, legend_above, new_figure, plain_numbers
+from rattle.compare.report.style import (
+    axis_label,
+    error_bars,
+    legend_above,
+    new_figure,
+    new_panels,
+    plain_numbers,
+)
 from rattle.compare.study.parameters import PERCENT
 
 COLOURS: dict[str, str] = {
@@ -56,9 +63,8 @@ def _draw_search(
     """Draw what was found at every value with its interval, and where the verdict changes."""
     figure, (ax,) = new_figure(7.4, 3.8, 1, 1)
     for verdict, rows in table.groupby("verdict"):
-        ends = np.abs(rows[["low", "high"]].to_numpy().T - rows[column].to_numpy())
         name = str(verdict)
-        place = (rows["value"], rows[column], ends)
+        place = (rows["value"], rows[column], error_bars(rows, column))
         ax.errorbar(*place, fmt="o", ms=4, capsize=2, color=COLOURS[name], label=name)
     for edge in found.edges:
         ax.axvspan(*sorted(edge[:2]), color="0.5", alpha=0.3, lw=0, label=shaded)
@@ -114,11 +120,9 @@ def map_figure(curve: pd.DataFrame, points: pd.DataFrame, along: str, over: str)
 def tornado(found: Any, quantities: list[str]) -> Figure:
     """Draw the effects of a `Sensitivity` on every quantity as bars, the strongest first."""
     table = found.table
-    columns = min(len(quantities), 2)
-    rows = -(-len(quantities) // columns)
     most = min(table.groupby("quantity")["effect"].count().max(), MOST_BARS)
-    figure, axes = new_figure(4.6 * columns, rows * (0.9 + 0.2 * most), rows, columns)
-    for ax, quantity in zip(axes, quantities, strict=False):
+    figure, axes = new_panels(len(quantities), 2, 4.6, 0.9 + 0.2 * most)
+    for ax, quantity in zip(axes, quantities, strict=True):
         rows_shown = table[table["quantity"] == quantity].dropna(subset="effect")
         bars = rows_shown.sort_values("effect", key=abs).tail(MOST_BARS)
         effect = 100.0 * bars[["effect", "low", "high"]].to_numpy().T
@@ -137,6 +141,4 @@ def tornado(found: Any, quantities: list[str]) -> Figure:
         words = quantity_words(found.scene, quantity).removeprefix("the ").replace("`", "")
         ax.set_title(words.replace("dimensionless ", ""), loc="left")
         ax.set_xlabel(f"change (%) for {PERCENT} more of the parameter")
-    for ax in axes[len(quantities) :]:
-        ax.remove()
     return figure

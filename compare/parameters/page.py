@@ -63,17 +63,12 @@ def make_report(found: Any, record: Facts) -> Report:
         tables["points"] = found.points
     if "verdict" in rows:
         rows = rows.assign(mark=rows["verdict"].map(FINDING_MARKS).fillna(""))
-    facts = {
-        key: value
-        for key, value in found.to_dict().items()
-        if key != "answer" and not isinstance(getattr(found, key), pd.DataFrame)
-    }
     title = PARAMETER_TEXTS["titles"][type(found).__name__]
     return Report(
         name,
         title.format(name=record["name"], **vars(found)),
         found.answer,
-        record | facts,
+        record | found.facts,
         {"found": found, "rows": rows, **texts},
         figures=figures,
         tables=tables,

@@ -12,7 +12,14 @@ from matplotlib.figure import Figure
 
 from rattle.closure.stationary import Law
 from rattle.compare.chaos.figures import draw_cells, label_velocity, speed_unit
-from rattle.compare.report.style import ACCURATE_COLOUR, STYLE, legend_above, new_figure
+from rattle.compare.report.style import (
+    ACCURATE_COLOUR,
+    STYLE,
+    error_bars,
+    legend_above,
+    new_figure,
+    new_panels,
+)
 from rattle.compare.report.texts import wheel_label
 from rattle.montecarlo.long_run import LongRun
 from rattle.montecarlo.statistics.intervals import half_width
@@ -49,12 +56,10 @@ def distribution_figure(run: LongRun, laws: Mapping[str, Law | str], gears: Gear
     """Draw the density of the velocity before an impact at each mesh with its 95 % band, and that
     of the closures."""
     t = half_width(run.paths)
-    meshes = len(run.densities)
-    columns = min(meshes, 2)
-    rows = -(-meshes // columns)
-    figure, axes = new_figure(max(4.6 * columns, LEGEND_WIDTH), 3.6 * rows, rows, columns)
+    columns = min(len(run.densities), 2)
+    figure, axes = new_panels(len(run.densities), 2, max(4.6, LEGEND_WIDTH / columns), 3.6)
     factor, unit = speed_unit(gears)
-    for ax, density in zip(axes, run.densities, strict=False):
+    for ax, density in zip(axes, run.densities, strict=True):
         value, se = run.velocity_density(density.mesh) / np.array([[factor]])
         edges = factor * density.velocity
         top = float((value + t * se).max())
@@ -79,11 +84,9 @@ def distribution_figure(run: LongRun, laws: Mapping[str, Law | str], gears: Gear
         ax.axvspan(-slow, slow, color="0.6", alpha=0.3, lw=0, label="slow impacts")
         ax.set_xlabel(rf"velocity before the impact $y_{density.mesh}$ ({unit})")
         ax.set_title(f"mesh {wheel_label(run.scene, density.mesh)}", loc="left")
-    for ax in axes[:meshes:columns]:
+    for ax in axes[::columns]:
         ax.set_ylabel(f"probability density (1 / ({unit}))")
-    legend_above(figure, axes[:meshes], 3)
-    for ax in axes[meshes:]:
-        ax.remove()
+    legend_above(figure, axes, 3)
     return figure
 
 
@@ -149,11 +152,10 @@ def scatter_figure(scatter: pd.DataFrame, sets: Mapping[str, Floats]) -> Figure:
         steps = np.sort(values)
         share = 100.0 * np.arange(1, len(steps) + 1) / len(steps)
         ax.step(steps, share, where="post", color=SIMULATED_COLOUR, lw=1.0, label="gear sets")
-        ends = np.abs(rows[["low", "high"]].to_numpy().T - rows["value"].to_numpy())
         ax.errorbar(
             rows["value"],
             rows["percent"],
-            xerr=ends,
+            xerr=error_bars(rows),
             label="quantile with 95 % interval",
             fmt="o",
             ms=4,
