@@ -38,29 +38,31 @@ def boundary_figure(found: AlongParameter) -> Figure:
     # the axis ends below the least error; there is none where a budget ended before any value
     least = 0.5 * min([0.1, *table["error"]])
     table["low"] = table["low"].clip(lower=least)
-    figure, ax = _draw_search(found, table, "error", "where it stops holding")
-    ax.axhline(1.0, color="0.2", lw=0.8, ls="--", label="tolerance")
+    figure, ax = _draw_search(found, table, "error", "where it stops holding", "tolerance", 1.0)
     ax.set(yscale="log", ylabel="worst error / tolerance")
     ax.set_ylim(bottom=least)
-    legend_above(figure, [ax], 5)
     return figure
 
 
 def crossing_figure(found: AlongParameter, level: float, up: str) -> Figure:
     """Draw a quantity with its interval at every value, and the level."""
     table = found.points.dropna(subset="estimate")
-    figure, ax = _draw_search(found, table, "estimate", "where it crosses")
-    ax.axhline(level, color="0.2", lw=0.8, ls="--", label="level")
+    figure, ax = _draw_search(found, table, "estimate", "where it crosses", "level", level)
     ax.set_ylabel(up)
     ax.set_ylim(bottom=0.0 if (table["estimate"] >= 0.0).all() else None)
-    legend_above(figure, [ax], 5)
     return figure
 
 
 def _draw_search(
-    found: AlongParameter, table: pd.DataFrame, column: str, shaded: str
+    found: AlongParameter,
+    table: pd.DataFrame,
+    column: str,
+    shaded: str,
+    lined: str,
+    level: float,
 ) -> tuple[Figure, Axes]:
-    """Draw what was found at every value with its interval, and where the verdict changes."""
+    """Draw what was found at every value with its interval, where the verdict changes, and the
+    level that decides it."""
     figure, (ax,) = new_figure(7.4, 3.8, 1, 1)
     for verdict, rows in table.groupby("verdict"):
         name = str(verdict)
@@ -68,8 +70,10 @@ def _draw_search(
         ax.errorbar(*place, fmt="o", ms=4, capsize=2, color=COLOURS[name], label=name)
     for edge in found.edges:
         ax.axvspan(*sorted(edge[:2]), color="0.5", alpha=0.3, lw=0, label=shaded)
+    ax.axhline(level, color="0.2", lw=0.8, ls="--", label=lined)
     ax.set(xscale="log", xlabel=axis_label(found.over))
     plain_numbers(ax.xaxis, found.points["value"])
+    legend_above(figure, [ax], 5)
     return figure, ax
 
 

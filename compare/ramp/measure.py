@@ -54,21 +54,25 @@ class SteadyRun(NamedTuple):
     found: Stationary | None
     remark: str = ""  # why there is nothing
 
-    @property
-    def counts(self) -> Floats | None:
-        """What every path does a second, as the ramp counts it: 1/s, mm/s and mJ; None without
-        paths that have forgotten their start.
 
-        Shapes: result (paths, groups, number and speed above and energy).
-        """
-        run = self.found.run if self.found else None
-        if run is None or run.widened > 1.0:
-            return None
-        assert run.scene.gears is not None
-        units = run.scene.gears.units
-        seconds = run.sums.time / run.scene.gears.omega
-        counted = count_impacts(run.sums.main.sum(axis=1), run.scene.stages)
-        return np.asarray(counted * np.array([1.0, units.speed, units.energy]) / seconds)
+Known = dict[float, Stationary]
+"""What was found, by the constant speed, in rising order."""
+
+
+def _count_paths(found: Stationary) -> Floats | None:
+    """What every path does a second, as the ramp counts it: 1/s, mm/s and mJ; None without paths
+    that have forgotten their start.
+
+    Shapes: result (paths, groups, number and speed above and energy).
+    """
+    run = found.run
+    if run is None or run.widened > 1.0:
+        return None
+    assert run.scene.gears is not None
+    units = run.scene.gears.units
+    seconds = run.sums.time / run.scene.gears.omega
+    counted = count_impacts(run.sums.main.sum(axis=1), run.scene.stages)
+    return np.asarray(counted * np.array([1.0, units.speed, units.energy]) / seconds)
 
 
 @numpy_defaults
@@ -159,7 +163,7 @@ def run_up(
     if progress:
         ESTIMATES.info("%s: %s", progress, plan.sentence)
     runs = _run_steady(ramp, slow, plan, limit, seed, workers, progress)
-    known = sorted((run for run in runs if run.found is not None), key=lambda run: run.rpm)
+    known = {run.rpm: run.found for run in sorted(runs) if run.found is not None}
     fine = coarse = None
     if plan.ramp_paths and len(known) > 1:
         fine, coarse = _follow_twice(ramp, known, slow, plan, limit, seed, workers, progress)
@@ -167,7 +171,7 @@ def run_up(
     whole = table["rpm"].isna()
     overall = pd.DataFrame()
     if fine is not None:
-        table = _judge(table, known, plan.speeds)
+        table = _judge(table, list(known), plan.speeds)
         overall = _compare_overall(table[whole], fine, coarse)
     left_out = [SteadyRun(rpm, None, "left out: beyond the budget") for rpm in plan.left_out]
     complete = plan.complete if left_out or fine is None else 0.0
@@ -239,7 +243,7 @@ def _seed_of(scene: Scene, seed: np.random.SeedSequence, *keys: int) -> np.rando
 
 def _follow_twice(
     ramp: SpeedRamp,
-    known: list[SteadyRun],
+    known: Known,
     slow: float,
     plan: RunUpPlan,
     limit: Budget,
@@ -249,8 +253,8 @@ def _follow_twice(
 ) -> list[RampSums | None]:
     """The ramp in stretches of one period and of `COARSER`, with the same random numbers."""
     do("run-up: the ramp")
-    knots = [run.rpm for run in known]
-    scenes = [run.found.scene for run in known if run.found is not None]
+    knots = list(known)
+    scenes = [found.scene for found in known.values()]
     total = 2 * (ramp.periods + RAMP_BURN_IN)
     copies = []
     with (
@@ -265,10 +269,10 @@ def _follow_twice(
     return copies
 
 
-def _tabulate(known: list[SteadyRun], sums: RampSums | None, scene: Scene) -> pd.DataFrame:
+def _tabulate(known: Known, sums: RampSums | None, scene: Scene) -> pd.DataFrame:
     """Every quantity at every speed, and last in the whole ramp: constant, in the ramp, and the
     difference."""
-    steady = {run.rpm: run.found.table_in("physical") for run in known if run.found is not None}
+    steady = {rpm: found.table_in("physical") for rpm, found in known.items()}
     same_sets = _count_same_sets(known, scene)
     parts = []
     for (group, suffix), kind in product(groups(scene.stages), QUANTITIES):
@@ -286,7 +290,7 @@ def _tabulate(known: list[SteadyRun], sums: RampSums | None, scene: Scene) -> pd
     return pd.concat(parts, ignore_index=True)
 
 
-def _count_same_sets(known: list[SteadyRun], scene: Scene) -> Floats | None:
+def _count_same_sets(known: Known, scene: Scene) -> Floats | None:
     """What every gear set does a second at the constant speeds; None where paths are no gear sets,
     or a speed has no paths.
 
@@ -294,14 +298,13 @@ def _count_same_sets(known: list[SteadyRun], scene: Scene) -> Floats | None:
     """
     if scene.tolerance is None or not scene.tolerance.differs_by_set:
         return None
-    counts = [run.counts for run in known]
+    counts = [_count_paths(found) for found in known.values()]
     return None if any(one is None for one in counts) else np.array(counts)
 
 
-def _judge(table: pd.DataFrame, known: list[SteadyRun], planned: Sequence[float]) -> pd.DataFrame:
+def _judge(table: pd.DataFrame, grid: list[float], planned: Sequence[float]) -> pd.DataFrame:
     """Whether ramp and constant speeds differ, with 95 % probability for all rows together; not
     beside a speed that was planned and has no result, nor then in the whole ramp."""
-    grid = [run.rpm for run in known]
     missing = np.array([rpm for rpm in planned if rpm not in grid])
     between = np.searchsorted(grid, missing)
     beside = {rpm for i in between for rpm in grid[max(i - 1, 0) : i + 1]}
@@ -332,13 +335,12 @@ def _compare(
     name = kind + suffix
     own = column(name, "value"), column(name, "se")
     if kind == "speed_above":
-        spreads = sums.mean_speeds(group)
         rate = f"rate_above{suffix}"
         rates = column(rate, "value"), column(rate, "se")
         middle, error, allowance = average_speeds(sums, rates, own)
     else:
-        spreads = sums.per_time(QUANTITIES[kind], group)
         middle, error, allowance = average_steady(sums, POWERS[kind], own)
+    spreads = sums.spreads(QUANTITIES[kind], group)
     value, se, paths = np.array([list(one) for one in spreads]).T
     low, high = np.array([one.interval() for one in spreads]).T
     if kind != "speed_above":
