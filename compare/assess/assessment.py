@@ -14,7 +14,7 @@ from rattle.compare.report.finding import Finding
 from rattle.compare.report.render import render_sentences
 from rattle.compare.report.texts import wheel_label
 from rattle.compare.stationary.page import share_energy, show_quantity
-from rattle.compare.stationary.result import Stationary, speed_text
+from rattle.compare.stationary.result import Stationary, speed_text, usual_units
 from rattle.compare.study.parameters import PERCENT, find_parameters
 from rattle.scene import Scene
 from rattle.scene.numpy_errors import numpy_defaults
@@ -78,7 +78,7 @@ class Assessment(Finding):
     @property
     def units(self) -> str:
         """The units of `table`: ``physical`` where the scene has gears, else ``dimensionless``."""
-        return "physical" if self.scene.gears else "dimensionless"
+        return usual_units(self.scene)
 
     @property
     def rattles(self) -> bool | None:

@@ -23,7 +23,7 @@ from rattle.compare.report.style import (
 from rattle.compare.report.texts import wheel_label
 from rattle.montecarlo.long_run import LongRun
 from rattle.montecarlo.statistics.intervals import half_width
-from rattle.scene import Floats, Gears
+from rattle.scene import Floats
 
 SIMULATED_COLOUR: Any = STYLE["monte carlo"]["color"]
 DEEP = 1e-3  # lower end of the colours of a density, relative to its highest
@@ -37,11 +37,7 @@ def draw(found: Any, scatter: pd.DataFrame, sets: Mapping[str, Floats]) -> dict[
     quantity.
     """
     run = found.run
-    gears = found.scene.gears
-    out = {
-        "distribution": distribution_figure(run, found.laws, gears),
-        "section": section_figure(run, gears),
-    }
+    out = {"distribution": distribution_figure(run, found.laws), "section": section_figure(run)}
     if sets:
         out["scatter"] = scatter_figure(scatter, sets)
     if not run.is_scattered:
@@ -52,13 +48,13 @@ def draw(found: Any, scatter: pd.DataFrame, sets: Mapping[str, Floats]) -> dict[
     return out
 
 
-def distribution_figure(run: LongRun, laws: Mapping[str, Law | str], gears: Gears | None) -> Figure:
+def distribution_figure(run: LongRun, laws: Mapping[str, Law | str]) -> Figure:
     """Draw the density of the velocity before an impact at each mesh with its 95 % band, and that
     of the closures."""
     t = half_width(run.paths)
     columns = min(len(run.densities), 2)
     figure, axes = new_panels(len(run.densities), 2, max(4.6, LEGEND_WIDTH / columns), 3.6)
-    factor, unit = speed_unit(gears)
+    factor, unit = speed_unit(run.scene.gears)
     for ax, density in zip(axes, run.densities, strict=True):
         value, se = run.velocity_density(density.mesh) / np.array([[factor]])
         edges = factor * density.velocity
@@ -102,12 +98,12 @@ def _speeds(ax: Axes, law: Law, mesh: int, closure: str, edges: Floats, factor: 
             ax.axvline(at, ymax=0.12, color=colour, lw=2.0, label=f"{closure}: mean speed")
 
 
-def section_figure(run: LongRun, gears: Gears | None) -> Figure:
+def section_figure(run: LongRun) -> Figure:
     """Draw the density of the section over phase and velocity, and its relative error in every
     cell."""
     densities = run.densities
     rows = len(densities)
-    factor, unit = speed_unit(gears)
+    factor, unit = speed_unit(run.scene.gears)
     figure, axes = new_figure(9.2, 0.6 + 2.9 * rows, rows, 2)
     for d, left, right in zip(densities, axes[::2], axes[1::2], strict=True):
         edges = d.phase / math.pi, factor * d.velocity

@@ -21,7 +21,7 @@ from rattle.compare.report.texts import (
     label_quantities,
     wheel_label,
 )
-from rattle.compare.stationary.result import LEAST_EFFECTIVE, Stationary, speed_text
+from rattle.compare.stationary.result import LEAST_EFFECTIVE, Stationary, speed_text, usual_units
 from rattle.compare.stationary.verdicts import STATIONARY_TEXTS, TOLERANCES
 from rattle.montecarlo.long_run.scatter import FEWEST_SETS
 from rattle.scene import Scene
@@ -47,10 +47,6 @@ STATIONARY_WORDS: tuple[str, ...] = (
 MESH_WORDS: dict[str, str] = STATIONARY_TEXTS["by_mesh"]
 
 
-def _units(found: Stationary) -> str:
-    return "physical" if found.scene.gears else "dimensionless"
-
-
 def _verdicts(verdicts: pd.DataFrame) -> pd.DataFrame:
     """The quantities of each closure that are judged, and why it has none."""
     missing = verdicts["reason"] != ""
@@ -63,7 +59,7 @@ def _verdicts(verdicts: pd.DataFrame) -> pd.DataFrame:
 
 def make_report(found: Stationary, view: Bifurcation | None, record: Facts) -> Report:
     """The report on a long run."""
-    units = _units(found)
+    units = usual_units(found.scene)
     gears = found.scene.gears
     figures = found.figures()
     tables = {"stationary": found.table.reset_index()}
@@ -121,7 +117,7 @@ def tabulate_meshes(found: Stationary, table: pd.DataFrame) -> Table:
 
 def answer(found: Stationary) -> list[str]:
     """Summarise a long run in sentences."""
-    units = _units(found)
+    units = usual_units(found.scene)
     table = found.table_in(units)
     memory = table["autocorrelation"]
     # 0 where all paths have the same

@@ -15,7 +15,6 @@ from rattle.compare.engine.store import Cell, Content, Facts
 from rattle.compare.judge.verdict import JUDGED, Tolerances, Verdict, span
 from rattle.compare.report.render import render_sentences
 from rattle.compare.report.style import STYLE, new_figure
-from rattle.compare.report.table import Table, of_numbers
 from rattle.compare.report.texts import CLOSURE_TERMS, VERDICT_TERMS, label_quantity
 from rattle.compare.stationary.measure import ESTIMATE_COLUMNS, stationary
 from rattle.compare.stationary.result import in_units, plain_unit
@@ -406,8 +405,7 @@ def draw(r: LongTables) -> list[Drawing]:
 def content(r: LongTables, seconds: Mapping[str, float]) -> Facts:
     """What the template of the page shows: the main quantities at every point, with half widths of
     their intervals."""
-    names = r.study.names
-    point = ["study", *names]  # an index even where no field varies
+    point = ["study", *r.study.names]  # an index even where no field varies
     half = 0.5 * (r.quantities["high"] - r.quantities["low"])
     physical = is_physical(r.study)
     shown = PHYSICAL_QUANTITIES if physical else MAIN_QUANTITIES
@@ -420,12 +418,5 @@ def content(r: LongTables, seconds: Mapping[str, float]) -> Facts:
     )
     rows = r.cost.assign(study=0).join(columns, on=point)
     unit = unit_of_quantity(r.quantities)
-    titles = {name: f"{name} ({unit(name)})" if physical and unit(name) else name for name in shown}
-    heads = [
-        of_numbers(titles[name] if kind == "value" else "±", f"{kind} {name}")
-        for kind, name in main
-    ]
-    table = Table.of_frame(
-        rows, *names, *heads, of_numbers("burn-in", "burn_in"), of_numbers("periods")
-    )
-    return {"main": table, "tolerances": TOLERANCES}
+    units = {name: unit(name) if physical else "" for name in shown}
+    return {"rows": rows, "units": units, "tolerances": TOLERANCES}
