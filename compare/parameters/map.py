@@ -262,11 +262,9 @@ def boundary_map(
             nothing = Content(pd.DataFrame(), {"edges": [], "path_steps": 0, "failure": why})
             searches[i] = nothing if why else store.read(cell)
         wave = {(i + j) // 2: (i, j) for i, j in pairwise(sorted(searches)) if j - i > 1}
-    rows = []
-    judged = []
-    for i, search in sorted(searches.items()):
-        rows += curve_rows(at[i], search)
-        judged += [search.table.assign(along=at[i])] if len(search.table) else []
+    ordered = [(at[i], search) for i, search in sorted(searches.items())]
+    rows = [row for value, search in ordered for row in curve_rows(value, search)]
+    judged = [s.table.assign(along=value) for value, s in ordered if len(s.table)]
     table = pd.concat(judged, ignore_index=True)
     steps = sum(search.facts["path_steps"] for search in searches.values())
     units = (first.unit, second.unit)

@@ -409,7 +409,7 @@ class _Search:
             for motion in four:
                 motion.note_rest()
             why = next((motion.why for motion in four if motion.why), "")
-            unfinished = any(not (motion.periods or motion.is_exact) for motion in four)
+            unfinished = any(not (motion.periods or motion.exact) for motion in four)
             if why or unfinished:
                 remarks[name] = why or ended
                 if not why and name not in self.left_out:

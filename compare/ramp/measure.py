@@ -341,7 +341,7 @@ def _compare(
     else:
         middle, error, allowance = average_steady(sums, POWERS[kind], own)
     spreads = sums.spreads(QUANTITIES[kind], group)
-    value, se, paths = np.array([list(one) for one in spreads]).T
+    value, se, paths = np.array(spreads).T
     low, high = np.array([one.interval() for one in spreads]).T
     if kind != "speed_above":
         low = np.maximum(low, 0.0)
@@ -353,7 +353,7 @@ def _compare(
     difference = value - middle
     if same_sets is not None:  # set by set: how much they differ from each other drops out
         pairs = sums.differences(QUANTITIES[kind], group, same_sets)
-        difference, apart, effective = np.array([list(one) for one in pairs]).T
+        difference, apart, effective = np.array(pairs).T
     half = half_width(np.nan_to_num(effective, nan=2.0)) * apart + allowance
     return {
         "effective_paths": effective,
@@ -398,8 +398,7 @@ def _tabulate_points(ramp: SpeedRamp, runs: list[SteadyRun]) -> pd.DataFrame:
             row[f"threshold{wheel.wheel}"] = wheel.least
         long_run = run.found.run if run.found else None
         row["kind"] = run.found.kind if run.found else ""
-        row["paths"] = long_run.paths if long_run else 0
-        row["periods"] = long_run.periods if long_run else 0
+        row |= {name: getattr(long_run, name, 0) for name in ("paths", "periods")}
         row["burn_in"] = long_run.burn_in.periods if long_run else 0
         rows.append(row | {"remark": run.remark})
     return pd.DataFrame(rows)
