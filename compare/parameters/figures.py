@@ -19,7 +19,7 @@ from rattle.compare.report.style import (
 )
 from rattle.compare.study.parameters import PERCENT
 
-COLOURS: dict[str, str] = {
+COLOURS = {
     Verdict.ACCURATE: "#009E73",
     Verdict.INACCURATE: "#D55E00",
     Verdict.UNDECIDED: "#999999",

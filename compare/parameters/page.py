@@ -14,7 +14,6 @@ from rattle.compare.parameters.finding import PARAMETER_TEXTS, by_error
 from rattle.compare.parameters.map import BoundaryMap
 from rattle.compare.parameters.of_closure import SIMULATED_CHANGES, ClosureSensitivity
 from rattle.compare.parameters.sensitivity import EFFECTS, Sensitivity
-from rattle.compare.report.finding import Finding
 from rattle.compare.report.json_text import Facts
 from rattle.compare.report.report import Report
 from rattle.compare.report.table import NO_VALUE
@@ -35,7 +34,7 @@ def _steps(steps: tuple[float, float]) -> dict[str, str]:
     return {"near": percent(steps[0]), "far": percent(steps[1]), "change": PERCENT}
 
 
-FINDING_KINDS: dict[type[Finding], tuple[str, str, Facts]] = {
+FINDING_KINDS = {
     Boundary: ("boundary", "boundary", SEARCH),
     BoundaryMap: ("boundary", "map", SEARCH),
     crossing.Crossing: ("boundary", "crossing", LONG_RUNS),

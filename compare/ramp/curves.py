@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.interpolate import CubicSpline
 
+from rattle.compare.ramp.plan import RAMP_BURN_IN
 from rattle.compare.ramp.speed import TURN, SpeedRamp
 from rattle.montecarlo.kernel.blocks import Budget
 from rattle.montecarlo.long_run.ramp import RampPaths, RampStretch
@@ -106,10 +107,8 @@ def mean_of(total: Floats, number: Floats) -> Spread:
 def follow_ramp(
     ramp: SpeedRamp,
     knots: Sequence[float],
-    slow: float,
     stretch: int,
     paths: RampPaths,
-    burn_in: int,
     pool: ThreadPoolExecutor,
     limit: Budget,
     bar: ProgressBar,
@@ -119,10 +118,10 @@ def follow_ramp(
 
     `knots`: the speeds, in rising order, around which the ramp is averaged.
     """
-    stretches, rpm = ramp.stretches(slow, stretch)
+    stretches, rpm = ramp.stretches(stretch)
     begin = ramp.scene_at(ramp.first).constants
-    before = RampStretch(begin, ramp.slow_at(slow, ramp.first), 1)
-    for _ in paths.follow([before] * burn_in, pool):
+    before = RampStretch(begin, ramp.slow_at(ramp.first), 1)
+    for _ in paths.follow([before] * RAMP_BURN_IN, pool):
         bar.update()
         if limit.remaining < 0.0:
             return None

@@ -141,17 +141,16 @@ def run_up(
     >>> list(found.points["rpm"])
     [800.0, 1600.0]
     """
-    ramp = read_ramp(scene, rpm, seconds)
+    ramp = read_ramp(scene, rpm, seconds, slow)
     count("points", points, least=2)
     count("workers", workers)
-    positive("slow", slow)
     positive("budget", budget)
     given = read_seed(rng)
     seed = np.random.SeedSequence(given) if isinstance(given, int) else given
     if ramp.periods < FEWEST_IN_A_POINT * points:
         why = f"is too short: {ramp.periods} periods of the excitation for {points} speeds"
         raise InputError("seconds", seconds, f"{why}; give more of them, or fewer points")
-    ramp.stretches(slow, COARSER)  # a speed that the gears cannot have is refused before any work
+    ramp.stretches(COARSER)  # a speed that the gears cannot have is refused before any work
     compile_ahead.expect("stationary", len(scene.drive))
     limit = Budget(budget + CLOCK_SPARE[0] * budget + CLOCK_SPARE[1])
     do("run-up: compiling")
@@ -159,14 +158,14 @@ def run_up(
         warm_up(scene, slow)
     speeds = np.linspace(ramp.first, ramp.last, points).tolist()
     do("run-up: counting impacts at every speed")
-    plan = plan_work(ramp, speeds, slow, budget, seed)
+    plan = plan_work(ramp, speeds, budget, seed)
     if progress:
         ESTIMATES.info("%s: %s", progress, plan.sentence)
-    runs = _run_steady(ramp, slow, plan, limit, seed, workers, progress)
+    runs = _run_steady(ramp, plan, limit, seed, workers, progress)
     known = {run.rpm: run.found for run in sorted(runs) if run.found is not None}
     fine = coarse = None
     if plan.ramp_paths and len(known) > 1:
-        fine, coarse = _follow_twice(ramp, known, slow, plan, limit, seed, workers, progress)
+        fine, coarse = _follow_twice(ramp, known, plan, limit, seed, workers, progress)
     table = _tabulate(known, fine, scene)
     whole = table["rpm"].isna()
     overall = pd.DataFrame()
@@ -196,7 +195,6 @@ def run_up(
 
 def _run_steady(
     ramp: SpeedRamp,
-    slow: float,
     plan: RunUpPlan,
     limit: Budget,
     seed: np.random.SeedSequence,
@@ -218,7 +216,7 @@ def _run_steady(
                     ramp.scene_at(rpm),
                     periods=plan.periods,
                     paths=plan.paths,
-                    slow=ramp.slow_at(slow, rpm),
+                    slow=ramp.slow_at(rpm),
                     budget=max(left / (number - done), LEAST_RAMP_BUDGET),
                     closures=(),
                     rng=_seed_of(ramp.scene, seed, round(rpm)),
@@ -244,7 +242,6 @@ def _seed_of(scene: Scene, seed: np.random.SeedSequence, *keys: int) -> np.rando
 def _follow_twice(
     ramp: SpeedRamp,
     known: Known,
-    slow: float,
     plan: RunUpPlan,
     limit: Budget,
     seed: np.random.SeedSequence,
@@ -264,7 +261,7 @@ def _follow_twice(
         for stretch in (1, COARSER):
             of_ramp = _seed_of(ramp.scene, seed, len(known), 1)
             paths = RampPaths(scenes, plan.ramp_paths, of_ramp)
-            sums = follow_ramp(ramp, knots, slow, stretch, paths, RAMP_BURN_IN, pool, limit, bar)
+            sums = follow_ramp(ramp, knots, stretch, paths, pool, limit, bar)
             copies.append(sums)
     return copies
 

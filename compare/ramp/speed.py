@@ -28,6 +28,7 @@ class SpeedRamp:
     first: float
     last: float
     seconds: float
+    slow: float = 0.1  # speed below which an impact is slow, dimensionless at the file's speed
 
     @cached_property
     def gears(self) -> Gears:
@@ -112,19 +113,19 @@ class SpeedRamp:
                 raise InputError("seconds", self.seconds, why)
         return c._replace(wheels=wheels)
 
-    def stretches(self, slow: float, periods: int) -> tuple[list[RampStretch], Floats]:
+    def stretches(self, periods: int) -> tuple[list[RampStretch], Floats]:
         """The ramp in stretches of so many periods, each at the speed in its middle, and these."""
         number = self.periods // periods
         rpm = self.rpm_at(periods * np.arange(0.5, number))
         parts = [
-            RampStretch(self.constants_at(speed), self.slow_at(slow, speed), periods)
+            RampStretch(self.constants_at(speed), self.slow_at(speed), periods)
             for speed in rpm.tolist()
         ]
         return parts, rpm
 
-    def slow_at(self, slow: float, rpm: float) -> float:
-        """A dimensionless speed of the file's scene at another speed: the same in mm/s."""
-        return slow * self.file_rpm / rpm
+    def slow_at(self, rpm: float) -> float:
+        """Below which an impact is slow at another speed of the driver: the same in mm/s."""
+        return self.slow * self.file_rpm / rpm
 
     def opens(self, wheel: int, rpm: float, ramp: bool) -> bool:
         """Whether closed teeth of a wheel open at a speed, constant or in the ramp."""
@@ -150,7 +151,9 @@ class SpeedRamp:
         return crossings
 
 
-def read_ramp(scene: Scene, rpm: tuple[float, float], seconds: float) -> SpeedRamp:
+def read_ramp(
+    scene: Scene, rpm: tuple[float, float], seconds: float, slow: float = 0.1
+) -> SpeedRamp:
     """A ramp of a scene, checked."""
     check_scene(scene)
     gears = scene.gears
@@ -165,7 +168,9 @@ def read_ramp(scene: Scene, rpm: tuple[float, float], seconds: float) -> SpeedRa
     first, last = (float(positive("rpm", value)) for value in rpm)
     if first == last:
         raise InputError("rpm", rpm, "give two different speeds")
-    ramp = SpeedRamp(scene, first, last, float(positive("seconds", seconds)))
+    ramp = SpeedRamp(
+        scene, first, last, float(positive("seconds", seconds)), positive("slow", slow)
+    )
     for speed in (first, last):  # what cannot be there is refused before any work
         ramp.constants_at(speed)
     return ramp

@@ -29,7 +29,7 @@ from rattle.scene.changes import is_unit
 from rattle.scene.text import number_text, percent
 from rattle.scene.threshold import rattle_threshold
 
-STATIONARY_WORDS: tuple[str, ...] = (
+STATIONARY_WORDS = (
     *CLOSURE_TERMS,
     *VERDICT_TERMS,
     "exact flight",
@@ -44,7 +44,7 @@ STATIONARY_WORDS: tuple[str, ...] = (
     "sticking",
 )
 
-MESH_WORDS: dict[str, str] = STATIONARY_TEXTS["by_mesh"]
+MESH_WORDS = STATIONARY_TEXTS["by_mesh"]
 
 
 def _verdicts(verdicts: pd.DataFrame) -> pd.DataFrame:
