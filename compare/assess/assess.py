@@ -3,15 +3,13 @@ allows."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from functools import partial
 from typing import Any, NamedTuple
 
 from rattle.compare.assess.assessment import ASSESSED_IMPACTS, LOUDNESS, Assessment
 from rattle.compare.assess.requirement import read_requirement
-from rattle.compare.parameters.boundary import Boundary, boundary
-from rattle.compare.parameters.sensitivity import Sensitivity, sensitivity
+from rattle.compare.parameters.boundary import boundary
+from rattle.compare.parameters.sensitivity import sensitivity
 from rattle.compare.stationary.measure import stationary
-from rattle.compare.stationary.result import Stationary
 from rattle.compare.study.parameters import find_parameters
 from rattle.montecarlo.kernel.blocks import clock
 from rattle.montecarlo.seed import Rng, read_whole_seed
@@ -53,10 +51,6 @@ class _Work(NamedTuple):
     seed: int
     workers: int
     progress: str | None  # label of the bars
-
-    def label(self, part: str) -> str | None:
-        """The label of a part's bar."""
-        return f"{self.progress}: {part}" if self.progress else None
 
 
 @numpy_defaults
@@ -109,7 +103,7 @@ def assess(
     >>> str(found.fulfilment)
     'met'
     """
-    rounds = assess_in_rounds(
+    *_, last = assess_in_rounds(
         scene,
         budget=budget,
         require=require,
@@ -118,7 +112,6 @@ def assess(
         workers=workers,
         progress=progress,
     )
-    *_, last = rounds
     return last
 
 
@@ -165,11 +158,23 @@ def _assess_within(known: Assessment, work: _Work, budget: float) -> Assessment:
     scene = known.scene
     missing: dict[str, str] = {}
 
-    def measure(part: str, call: Callable[[], Any]) -> Any:
-        """A part of the answer; None, and the reason, where it cannot be known."""
+    def measure(
+        part: str, shown: str, question: Callable[..., Any], budget: float, **settings: Any
+    ) -> Any:
+        """A part of the answer; None, and the reason, where it cannot be known.
+
+        `shown`: What its bar says.
+        """
         do(f"assess: {part}")
         try:
-            return call()
+            return question(
+                scene,
+                budget=budget,
+                rng=work.seed,
+                workers=work.workers,
+                progress=work.progress and f"{work.progress}: {shown}",
+                **settings,
+            )
         except InputError as error:
             missing[part] = f"{error.field}: {error.remedy}"
             return None
@@ -178,16 +183,36 @@ def _assess_within(known: Assessment, work: _Work, budget: float) -> Assessment:
     run = motion.run if motion else None
     if motion is None or (run is not None and run.reach is not None and not run.reach.reached):
         motion = measure(
-            LONG_RUN, partial(_measure_motion, scene, work, ASSESS_SHARES.motion * budget)
+            LONG_RUN,
+            LONG_RUN,
+            stationary,
+            ASSESS_SHARES.motion * budget,
+            slow=work.slow,
+            closures=(),
         )
     levers = None
     if motion is not None and motion.kind != "rest":
         levers = measure(
-            LEVERS, partial(_measure_levers, scene, work, ASSESS_SHARES.levers * budget)
+            LEVERS,
+            LEVERS,
+            sensitivity,
+            ASSESS_SHARES.levers * budget,
+            slow=work.slow,
+            quantities=[LOUDNESS, "rate_above"],
+            parameters=[name for name in find_parameters(scene) if name not in NOT_LEVERS],
         )
-    share = ASSESS_SHARES.closures * budget / len(CLOSURES_ASSESSED)
     closures = [
-        measure(f"`{closure}`", partial(_measure_range, scene, work, share, closure))
+        measure(
+            f"`{closure}`",
+            f"the range of {closure}",
+            boundary,
+            ASSESS_SHARES.closures * budget / len(CLOSURES_ASSESSED),
+            closure=closure,
+            impacts=ASSESSED_IMPACTS,
+            between=(scene.sigma / SEARCHED_DOWN, scene.sigma) if scene.sigma else None,
+            points=ASSESSED_POINTS,
+            width=ASSESSED_WIDTH,
+        )
         for closure in CLOSURES_ASSESSED
     ]
     return replace(
@@ -196,47 +221,4 @@ def _assess_within(known: Assessment, work: _Work, budget: float) -> Assessment:
         levers=levers,
         closures=tuple(edge for edge in closures if edge is not None),
         missing=missing,
-    )
-
-
-def _measure_motion(scene: Scene, work: _Work, budget: float) -> Stationary:
-    """How hard: the long run, without closures."""
-    return stationary(
-        scene,
-        slow=work.slow,
-        budget=budget,
-        closures=(),
-        rng=work.seed,
-        workers=work.workers,
-        progress=work.label("the long run"),
-    )
-
-
-def _measure_levers(scene: Scene, work: _Work, budget: float) -> Sensitivity:
-    """What helps: the effect of every parameter that someone can turn."""
-    return sensitivity(
-        scene,
-        quantities=[LOUDNESS, "rate_above"],
-        parameters=[name for name in find_parameters(scene) if name not in NOT_LEVERS],
-        slow=work.slow,
-        budget=budget,
-        rng=work.seed,
-        workers=work.workers,
-        progress=work.label("the levers"),
-    )
-
-
-def _measure_range(scene: Scene, work: _Work, budget: float, closure: str) -> Boundary:
-    """Up to which noise intensity a closure is accurate, coarsely."""
-    return boundary(
-        scene,
-        closure=closure,
-        impacts=ASSESSED_IMPACTS,
-        between=(scene.sigma / SEARCHED_DOWN, scene.sigma) if scene.sigma else None,
-        points=ASSESSED_POINTS,
-        width=ASSESSED_WIDTH,
-        budget=budget,
-        rng=work.seed,
-        workers=work.workers,
-        progress=work.label(f"the range of {closure}"),
     )

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, field
 from functools import partial
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING
 
 import pandas as pd
 
@@ -14,7 +14,7 @@ from rattle.compare.report.finding import Finding
 from rattle.compare.report.render import render_sentences
 from rattle.compare.report.texts import wheel_label
 from rattle.compare.stationary.page import share_energy, show_quantity
-from rattle.compare.stationary.result import Stationary, speed_text
+from rattle.compare.stationary.result import Stationary, speed_text, usual_units
 from rattle.compare.study.parameters import PERCENT, find_parameters
 from rattle.scene import Scene
 from rattle.scene.numpy_errors import numpy_defaults
@@ -62,8 +62,8 @@ class Assessment(Finding):
     (True, True)
     """
 
-    title: ClassVar[str] = "Assessment"
-    shown: ClassVar[str] = "table"
+    title = "Assessment"
+    shown = "table"
 
     scene: Scene
     thresholds: tuple[RattleThreshold, ...]
@@ -78,7 +78,7 @@ class Assessment(Finding):
     @property
     def units(self) -> str:
         """The units of `table`: ``physical`` where the scene has gears, else ``dimensionless``."""
-        return "physical" if self.scene.gears else "dimensionless"
+        return usual_units(self.scene)
 
     @property
     def rattles(self) -> bool | None:

@@ -32,21 +32,17 @@ class Requirement(NamedTuple):
     def __str__(self) -> str:
         return f"{self.quantity} {self.relation} {self.limit:g}"
 
-    def decide(self, motion: pd.DataFrame | None) -> Fulfilment:
+    def decide(self, motion: pd.DataFrame) -> Fulfilment:
         """Decide by the 95 % interval of the quantity, from a table with index ``quantity``."""
-        if motion is None or self.quantity not in motion.index:
-            return Fulfilment.UNKNOWN
-        row: Any = motion.loc[self.quantity]
+        row: Any = motion.reindex([self.quantity]).iloc[0]
         low = float(row["low"])
         high = float(row["high"])
         if not low <= high:
             return Fulfilment.UNKNOWN
-        below = self.relation == "<"
-        if high < self.limit:
-            return Fulfilment.MET if below else Fulfilment.MISSED
-        if low > self.limit:
-            return Fulfilment.MISSED if below else Fulfilment.MET
-        return Fulfilment.OPEN
+        if not (high < self.limit or low > self.limit):
+            return Fulfilment.OPEN
+        met = high < self.limit if self.relation == "<" else low > self.limit
+        return Fulfilment.MET if met else Fulfilment.MISSED
 
 
 def read_requirement(text: str, stages: int) -> Requirement:

@@ -13,7 +13,6 @@ from concurrent.futures import FIRST_COMPLETED, Executor, Future, ThreadPoolExec
 from contextlib import suppress
 from datetime import datetime
 from pathlib import Path
-from types import TracebackType
 from typing import Any, Self, TextIO
 
 from rattle.compare.engine.store import LOCKS, Cell, Content, Say, Store, TemporaryStore
@@ -145,14 +144,9 @@ class StudyProgress:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        at: TracebackType | None,
-    ) -> None:
+    def __exit__(self, kind: type[BaseException] | None, *what: object) -> None:
         self._bar.close()
-        self.log("end" if error is None else f"ended by {kind.__name__ if kind else ''}: {error}")
+        self.log("end" if kind is None else f"ended by {kind.__name__}: {what[0]}")
         with suppress(OSError):
             self._file.close()
 

@@ -18,7 +18,7 @@ from rattle.montecarlo.long_run import AtRest
 from rattle.montecarlo.long_run.estimates import estimates
 from rattle.montecarlo.long_run.paths import LongPaths, warm_up
 from rattle.montecarlo.long_run.run import settle
-from rattle.montecarlo.long_run.sums import NUMBER, Collected, Scales, scales_of_pilot
+from rattle.montecarlo.long_run.sums import NUMBER, Collected, scales_of_pilot
 from rattle.montecarlo.schemes.quiet import quiet_of
 from rattle.montecarlo.settings import is_random
 from rattle.scene import Floats, InputError, Scene
@@ -68,8 +68,8 @@ class Shared:
         seen: list[Floats] = []
         base.follow(SCALE_PERIODS, seen)
         self.work = max(base.nominal / self.paths, QUIET_SECONDS)
-        self._scales = scales_of_pilot(self.scene.stages, np.concatenate(seen), self.slow)
-        base.begin(self._scales)
+        self.scales = scales_of_pilot(self.scene.stages, np.concatenate(seen), self.slow)
+        base.begin(self.scales)
         # its second quarter agrees with its second half; twice, for what the test cannot see
         self.burn_in = 2 * max(settled.periods // 4, 1)
 
@@ -84,10 +84,6 @@ class Shared:
         slow = same_speed(self.slow, self.scene, scene)
         quiet = quiet_of(scene, slow, None)
         return LongPaths(scene, self.paths, stream, slow, quiet, self.limit, self.pool, self.bar)
-
-    def scales(self, slow: float) -> Scales:
-        """The scales of distributions, for a scene in which this speed is slow."""
-        return self._scales._replace(slow=slow)
 
 
 def count_work(scene: Scene, slow: float) -> float:
@@ -112,7 +108,7 @@ class ChangedMotion:
     name: str = ""  # of the parameter
     factor: float = 1.0  # what it is multiplied by
     why: str = ""  # why there are no values
-    _exact: dict[str, float] = field(default_factory=dict)
+    exact: dict[str, float] = field(default_factory=dict)  # quantities, where nothing is sampled
     _paths: LongPaths | None = None
     _logs: tuple[int, Floats] = (0, np.empty(0))
 
@@ -120,11 +116,6 @@ class ChangedMotion:
     def periods(self) -> int:
         """Periods after the burn-in; 0 before any, and where the motion is exact."""
         return self._paths.periods if self._paths else 0
-
-    @property
-    def is_exact(self) -> bool:
-        """Whether nothing is sampled."""
-        return bool(self._exact)
 
     def find_exact(self, slow: float) -> bool:
         """Whether nothing is random and the motion has exact values, which are kept."""
@@ -142,12 +133,12 @@ class ChangedMotion:
             return True
         if motion.kind == "simulated":  # irregular without noise
             return False
-        self._exact = {str(name): value for name, value in motion.table["value"].items()}
+        self.exact = {str(name): value for name, value in motion.table["value"].items()}
         return True
 
     def follow(self, shared: Shared, until: int) -> None:
         """Follow the paths until so many periods after the burn-in, as far as the budget goes."""
-        if self._exact or self.why:
+        if self.exact or self.why:
             return
         if self._paths is None:
             paths = shared.base if not self.name else shared.begin(self.scene)
@@ -155,13 +146,13 @@ class ChangedMotion:
                 paths.follow(shared.burn_in)
                 if paths.periods < shared.burn_in:
                     return
-                paths.begin(shared.scales(paths.slow))
+                paths.begin(shared.scales._replace(slow=paths.slow))
             self._paths = paths
         self._paths.follow(until)
 
     def note_rest(self) -> None:
         """Note that the motion has come to rest, where no path has an impact any longer."""
-        if self._exact or self.why or self._paths is None or not self._paths.periods:
+        if self.exact or self.why or self._paths is None or not self._paths.periods:
             return
         if not self._paths.main[:, :, NUMBER].any() and self._paths.at_rest():
             self._rest(f"it stays closed for {self.periods} periods.")
@@ -178,10 +169,10 @@ class ChangedMotion:
         Shapes: result (groups, quantities).
         """
         periods, logs = self._logs
-        if self._exact or self.why or not self.periods:
-            missing = 0.0 if self._exact else math.nan
+        if self.exact or self.why or not self.periods:
+            missing = 0.0 if self.exact else math.nan
             with np.errstate(divide="ignore"):
-                value = np.log([self._exact.get(name, missing) for name in names])
+                value = np.log([self.exact.get(name, missing) for name in names])
             return np.tile(value + self._units(names), (groups, 1))
         if periods != self.periods:
             assert self._paths is not None

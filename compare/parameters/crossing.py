@@ -323,9 +323,8 @@ def judge_level(
 
 def find_interval(result: LongResult, quantity: str) -> tuple[float, float, float]:
     """A quantity of a long run with the interval that counts all looks at all values."""
-    if quantity not in result.table.index:  # at rest
-        return math.nan, math.nan, math.nan
-    row: Any = result.table.loc[quantity].astype(float)
+    # at rest there is no such row
+    row: Any = result.table.reindex([quantity]).iloc[0].astype(float)
     value, se, paths = row[["value", "se", "effective_paths"]]
     facts = result.facts
     if facts["kind"] != "simulated":

@@ -9,10 +9,17 @@ from matplotlib.figure import Figure
 
 from rattle.compare.judge.verdict import DECIDED, Verdict
 from rattle.compare.parameters.finding import AlongParameter, quantity_words
-from rattle.compare.report.style import axis_label, legend_above, new_figure, plain_numbers
+from rattle.compare.report.style import (
+    axis_label,
+    error_bars,
+    legend_above,
+    new_figure,
+    new_panels,
+    plain_numbers,
+)
 from rattle.compare.study.parameters import PERCENT
 
-COLOURS: dict[str, str] = {
+COLOURS = {
     Verdict.ACCURATE: "#009E73",
     Verdict.INACCURATE: "#D55E00",
     Verdict.UNDECIDED: "#999999",
@@ -31,39 +38,42 @@ def boundary_figure(found: AlongParameter) -> Figure:
     # the axis ends below the least error; there is none where a budget ended before any value
     least = 0.5 * min([0.1, *table["error"]])
     table["low"] = table["low"].clip(lower=least)
-    figure, ax = _draw_search(found, table, "error", "where it stops holding")
-    ax.axhline(1.0, color="0.2", lw=0.8, ls="--", label="tolerance")
+    figure, ax = _draw_search(found, table, "error", "where it stops holding", "tolerance", 1.0)
     ax.set(yscale="log", ylabel="worst error / tolerance")
     ax.set_ylim(bottom=least)
-    legend_above(figure, [ax], 5)
     return figure
 
 
 def crossing_figure(found: AlongParameter, level: float, up: str) -> Figure:
     """Draw a quantity with its interval at every value, and the level."""
     table = found.points.dropna(subset="estimate")
-    figure, ax = _draw_search(found, table, "estimate", "where it crosses")
-    ax.axhline(level, color="0.2", lw=0.8, ls="--", label="level")
+    figure, ax = _draw_search(found, table, "estimate", "where it crosses", "level", level)
     ax.set_ylabel(up)
     ax.set_ylim(bottom=0.0 if (table["estimate"] >= 0.0).all() else None)
-    legend_above(figure, [ax], 5)
     return figure
 
 
 def _draw_search(
-    found: AlongParameter, table: pd.DataFrame, column: str, shaded: str
+    found: AlongParameter,
+    table: pd.DataFrame,
+    column: str,
+    shaded: str,
+    lined: str,
+    level: float,
 ) -> tuple[Figure, Axes]:
-    """Draw what was found at every value with its interval, and where the verdict changes."""
+    """Draw what was found at every value with its interval, where the verdict changes, and the
+    level that decides it."""
     figure, (ax,) = new_figure(7.4, 3.8, 1, 1)
     for verdict, rows in table.groupby("verdict"):
-        ends = np.abs(rows[["low", "high"]].to_numpy().T - rows[column].to_numpy())
         name = str(verdict)
-        place = (rows["value"], rows[column], ends)
+        place = (rows["value"], rows[column], error_bars(rows, column))
         ax.errorbar(*place, fmt="o", ms=4, capsize=2, color=COLOURS[name], label=name)
     for edge in found.edges:
         ax.axvspan(*sorted(edge[:2]), color="0.5", alpha=0.3, lw=0, label=shaded)
+    ax.axhline(level, color="0.2", lw=0.8, ls="--", label=lined)
     ax.set(xscale="log", xlabel=axis_label(found.over))
     plain_numbers(ax.xaxis, found.points["value"])
+    legend_above(figure, [ax], 5)
     return figure, ax
 
 
@@ -114,11 +124,9 @@ def map_figure(curve: pd.DataFrame, points: pd.DataFrame, along: str, over: str)
 def tornado(found: Any, quantities: list[str]) -> Figure:
     """Draw the effects of a `Sensitivity` on every quantity as bars, the strongest first."""
     table = found.table
-    columns = min(len(quantities), 2)
-    rows = -(-len(quantities) // columns)
     most = min(table.groupby("quantity")["effect"].count().max(), MOST_BARS)
-    figure, axes = new_figure(4.6 * columns, rows * (0.9 + 0.2 * most), rows, columns)
-    for ax, quantity in zip(axes, quantities, strict=False):
+    figure, axes = new_panels(len(quantities), 2, 4.6, 0.9 + 0.2 * most)
+    for ax, quantity in zip(axes, quantities, strict=True):
         rows_shown = table[table["quantity"] == quantity].dropna(subset="effect")
         bars = rows_shown.sort_values("effect", key=abs).tail(MOST_BARS)
         effect = 100.0 * bars[["effect", "low", "high"]].to_numpy().T
@@ -137,6 +145,4 @@ def tornado(found: Any, quantities: list[str]) -> Figure:
         words = quantity_words(found.scene, quantity).removeprefix("the ").replace("`", "")
         ax.set_title(words.replace("dimensionless ", ""), loc="left")
         ax.set_xlabel(f"change (%) for {PERCENT} more of the parameter")
-    for ax in axes[len(quantities) :]:
-        ax.remove()
     return figure

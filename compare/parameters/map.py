@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
@@ -14,7 +14,7 @@ import pandas as pd
 from rattle.closure.mean_map import find_closure
 from rattle.compare.engine.cluster import Cluster
 from rattle.compare.engine.run import Runner, open_cells, run
-from rattle.compare.engine.store import Cell, Content
+from rattle.compare.engine.store import Cell, Content, Facts
 from rattle.compare.judge.verdict import DECIDED
 from rattle.compare.parameters.boundary import (
     BOUNDARY_IMPACTS,
@@ -43,17 +43,12 @@ NOWHERE = "nowhere accurate"
 class Search(Cell):
     """The search at one value of the second parameter."""
 
-    packages: ClassVar[tuple[str, ...]] = (
-        "closure",
-        "montecarlo",
-        "compare/parameters",
-        "compare/validation",
-    )
-    group: ClassVar[str] = "searches"
+    packages = ("closure", "montecarlo", "compare/parameters", "compare/validation")
+    group = "searches"
 
     scene: Scene
     at: str  # the second parameter with its value
-    asked: dict[str, Any]  # of `boundary`; its budget is that of one search by itself
+    asked: Facts  # of `boundary`; its budget is that of one search by itself
     at_once: int = 1  # searches that run at the same time, whose processor time is counted together
 
     @property
@@ -62,14 +57,14 @@ class Search(Cell):
         return f"the search at {self.at}"
 
     @property
-    def settings(self) -> dict[str, Any]:
+    def settings(self) -> Facts:
         """Everything that determines the result besides the dimensionless scene."""
         closure = self.asked["closure"]
         gears = self.scene.gears
         names = {"kind": "boundary", "closure": closure.digest if closure.own else closure.name}
         return self.asked | names | {"gears": gears and gears.values}
 
-    def evaluate(self, blocks: Blocks | None = None) -> tuple[pd.DataFrame, dict[str, Any]]:
+    def evaluate(self, blocks: Blocks | None = None) -> tuple[pd.DataFrame, Facts]:
         """Search."""
         budget = self.asked.get("budget")
         limit = {"budget": budget and self.at_once * budget}
@@ -267,11 +262,9 @@ def boundary_map(
             nothing = Content(pd.DataFrame(), {"edges": [], "path_steps": 0, "failure": why})
             searches[i] = nothing if why else store.read(cell)
         wave = {(i + j) // 2: (i, j) for i, j in pairwise(sorted(searches)) if j - i > 1}
-    rows = []
-    judged = []
-    for i, search in sorted(searches.items()):
-        rows += curve_rows(at[i], search)
-        judged += [search.table.assign(along=at[i])] if len(search.table) else []
+    ordered = [(at[i], search) for i, search in sorted(searches.items())]
+    rows = [row for value, search in ordered for row in curve_rows(value, search)]
+    judged = [s.table.assign(along=value) for value, s in ordered if len(s.table)]
     table = pd.concat(judged, ignore_index=True)
     steps = sum(search.facts["path_steps"] for search in searches.values())
     units = (first.unit, second.unit)
@@ -291,7 +284,7 @@ def expect(beside: Sequence[Content]) -> list[float]:
     return [value for one in edges for edge in one for value in edge[:2]]
 
 
-def curve_rows(value: float, search: Content) -> list[dict[str, Any]]:
+def curve_rows(value: float, search: Content) -> list[Facts]:
     """The rows of one value of the second parameter."""
     if edges := search.facts["edges"]:
         return [{"along": value, **Edge(*edge)._asdict()} for edge in edges]

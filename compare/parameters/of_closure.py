@@ -18,6 +18,7 @@ from rattle.compare.judge.verdict import JUDGED, Tolerances, judge
 from rattle.compare.parameters.finding import by_error
 from rattle.compare.parameters.sensitivity import change_scenes, find_slopes
 from rattle.compare.report.finding import Finding
+from rattle.compare.report.json_text import Facts
 from rattle.compare.report.render import render_sentences
 from rattle.compare.study.parameters import CHANGE, PERCENT, Parameter, choose_parameters
 from rattle.montecarlo import Sampling, default_step, simulate
@@ -277,9 +278,7 @@ def _moments(section: pd.DataFrame, scene: Scene, impacts: int) -> Floats:
     return table.to_numpy(float).T.reshape(len(CHANGED_MOMENTS), len(quantities), impacts)
 
 
-def _change(
-    predicted: float, values: Floats, unit: float, checks: int, tolerance: float
-) -> dict[str, Any]:
+def _change(predicted: float, values: Floats, unit: float, checks: int, tolerance: float) -> Facts:
     """A change for 1 % more in units of an sd, predicted and simulated; excluded where that is
     NaN, or it bends.
 

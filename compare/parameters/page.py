@@ -14,7 +14,7 @@ from rattle.compare.parameters.finding import PARAMETER_TEXTS, by_error
 from rattle.compare.parameters.map import BoundaryMap
 from rattle.compare.parameters.of_closure import SIMULATED_CHANGES, ClosureSensitivity
 from rattle.compare.parameters.sensitivity import EFFECTS, Sensitivity
-from rattle.compare.report.finding import Finding
+from rattle.compare.report.json_text import Facts
 from rattle.compare.report.report import Report
 from rattle.compare.report.table import NO_VALUE
 from rattle.compare.report.texts import label_quantities
@@ -34,7 +34,7 @@ def _steps(steps: tuple[float, float]) -> dict[str, str]:
     return {"near": percent(steps[0]), "far": percent(steps[1]), "change": PERCENT}
 
 
-FINDING_KINDS: dict[type[Finding], tuple[str, str, dict[str, Any]]] = {
+FINDING_KINDS = {
     Boundary: ("boundary", "boundary", SEARCH),
     BoundaryMap: ("boundary", "map", SEARCH),
     crossing.Crossing: ("boundary", "crossing", LONG_RUNS),
@@ -44,7 +44,7 @@ FINDING_KINDS: dict[type[Finding], tuple[str, str, dict[str, Any]]] = {
 """Name of the page, its template, and texts in it, by the kind of result."""
 
 
-def make_report(found: Any, record: dict[str, Any]) -> Report:
+def make_report(found: Any, record: Facts) -> Report:
     """The report on a result."""
     name, template, texts = FINDING_KINDS[type(found)]
     rows = getattr(found, found.shown)
@@ -62,17 +62,12 @@ def make_report(found: Any, record: dict[str, Any]) -> Report:
         tables["points"] = found.points
     if "verdict" in rows:
         rows = rows.assign(mark=rows["verdict"].map(FINDING_MARKS).fillna(""))
-    facts = {
-        key: value
-        for key, value in found.to_dict().items()
-        if key != "answer" and not isinstance(getattr(found, key), pd.DataFrame)
-    }
     title = PARAMETER_TEXTS["titles"][type(found).__name__]
     return Report(
         name,
         title.format(name=record["name"], **vars(found)),
         found.answer,
-        record | facts,
+        record | found.facts,
         {"found": found, "rows": rows, **texts},
         figures=figures,
         tables=tables,

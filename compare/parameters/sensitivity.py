@@ -20,6 +20,7 @@ from rattle.compare.parameters.changed_motion import (
 )
 from rattle.compare.parameters.finding import quantity_words
 from rattle.compare.report.finding import Finding
+from rattle.compare.report.json_text import Facts
 from rattle.compare.report.render import render_sentences, render_text
 from rattle.compare.stationary.result import unit_of
 from rattle.compare.study.parameters import (
@@ -408,7 +409,7 @@ class _Search:
             for motion in four:
                 motion.note_rest()
             why = next((motion.why for motion in four if motion.why), "")
-            unfinished = any(not (motion.periods or motion.is_exact) for motion in four)
+            unfinished = any(not (motion.periods or motion.exact) for motion in four)
             if why or unfinished:
                 remarks[name] = why or ended
                 if not why and name not in self.left_out:
@@ -461,7 +462,7 @@ SENSITIVITY_COLUMNS = [
 ]
 
 
-def _effect(logs: Floats, checks: int) -> dict[str, Any]:
+def _effect(logs: Floats, checks: int) -> Facts:
     """Effect of a parameter on a quantity from logarithms at each factor, shape (groups,
     factors)."""
     one = math.log1p(CHANGE)

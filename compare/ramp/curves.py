@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.interpolate import CubicSpline
 
+from rattle.compare.ramp.plan import RAMP_BURN_IN
 from rattle.compare.ramp.speed import TURN, SpeedRamp
 from rattle.montecarlo.kernel.blocks import Budget
 from rattle.montecarlo.long_run.ramp import RampPaths, RampStretch
@@ -35,12 +36,14 @@ class RampSums(NamedTuple):
     rpm: Floats  # of each stretch; (stretches,)
     weights: Floats  # of each stretch in the mean under each hat; (hats, stretches)
 
-    def per_time(self, kind: int, group: int) -> list[Spread]:
-        """Counts (0) or energy (2) a second under each hat."""
-        return [
-            spread(counted[:, group, kind] / time)
-            for counted, time in zip(self.counted, self.time, strict=True)
-        ]
+    def spreads(self, kind: int, group: int) -> list[Spread]:
+        """Counts (0) or energy (2) a second under each hat, or the mean speed (1) of impacts that
+        are not slow."""
+        counted = self.counted[:, :, group]
+        if kind == 1:
+            return [mean_of(under[:, 1], under[:, 0]) for under in counted]
+        per_time = counted[:, :, kind] / self.time[:, None]
+        return [spread(under) for under in per_time]
 
     def average(self, power: int, curved: bool = False) -> Floats:
         """The mean under each hat of a quantity that is known at the speeds: a matrix.
@@ -55,10 +58,6 @@ class RampSums(NamedTuple):
             basis = np.array([np.interp(self.rpm, self.knots, one) for one in ones]).T
         scale = self.rpm[:, None] / self.knots
         return np.asarray(self.weights @ (basis * scale**power))
-
-    def mean_speeds(self, group: int) -> list[Spread]:
-        """The mean speed of impacts that are not slow, under each hat."""
-        return [mean_of(counted[:, group, 1], counted[:, group, 0]) for counted in self.counted]
 
     def differences(self, kind: int, group: int, steady: Floats) -> list[Spread]:
         """What the same gear sets do more in the ramp than at constant speeds, under each hat: in
@@ -108,10 +107,8 @@ def mean_of(total: Floats, number: Floats) -> Spread:
 def follow_ramp(
     ramp: SpeedRamp,
     knots: Sequence[float],
-    slow: float,
     stretch: int,
     paths: RampPaths,
-    burn_in: int,
     pool: ThreadPoolExecutor,
     limit: Budget,
     bar: ProgressBar,
@@ -121,10 +118,10 @@ def follow_ramp(
 
     `knots`: the speeds, in rising order, around which the ramp is averaged.
     """
-    stretches, rpm = ramp.stretches(slow, stretch)
+    stretches, rpm = ramp.stretches(stretch)
     begin = ramp.scene_at(ramp.first).constants
-    before = RampStretch(begin, ramp.slow_at(slow, ramp.first), 1)
-    for _ in paths.follow([before] * burn_in, pool):
+    before = RampStretch(begin, ramp.slow_at(ramp.first), 1)
+    for _ in paths.follow([before] * RAMP_BURN_IN, pool):
         bar.update()
         if limit.remaining < 0.0:
             return None

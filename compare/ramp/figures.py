@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from rattle.compare.report.style import ACCURATE_COLOUR, STYLE, legend_above, new_figure
+from rattle.compare.report.style import ACCURATE_COLOUR, STYLE, error_bars, legend_above, new_figure
 
 RAMP_COLOUR = "#D55E00"
 LABELS = {
@@ -25,11 +25,10 @@ def run_up_figure(table: pd.DataFrame, thresholds: pd.DataFrame, speeds: pd.Seri
     for ax, name in zip(axes, LABELS, strict=True):
         rows = table[table["quantity"] == name].sort_values("rpm")
         steady = rows.set_index("rpm").reindex(speeds)
-        ends = np.abs(steady[["low", "high"]].to_numpy().T - steady["value"].to_numpy())
         ax.errorbar(
             speeds,
             steady["value"],
-            yerr=np.nan_to_num(ends),
+            yerr=np.nan_to_num(error_bars(steady)),
             lw=0.9,
             label="constant speed, 95 % interval",
             **constant,

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from itertools import product
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -18,6 +18,7 @@ from rattle.compare.ramp.curves import (
 from rattle.compare.ramp.plan import RAMP_BURN_IN, RunUpPlan, plan_work
 from rattle.compare.ramp.result import POWERS, QUANTITIES, RunUp
 from rattle.compare.ramp.speed import SpeedRamp, read_ramp
+from rattle.compare.report.json_text import Facts
 from rattle.compare.stationary.measure import stationary
 from rattle.compare.stationary.result import Stationary, unit_of
 from rattle.montecarlo.kernel.blocks import Budget
@@ -53,21 +54,25 @@ class SteadyRun(NamedTuple):
     found: Stationary | None
     remark: str = ""  # why there is nothing
 
-    @property
-    def counts(self) -> Floats | None:
-        """What every path does a second, as the ramp counts it: 1/s, mm/s and mJ; None without
-        paths that have forgotten their start.
 
-        Shapes: result (paths, groups, number and speed above and energy).
-        """
-        run = self.found.run if self.found else None
-        if run is None or run.widened > 1.0:
-            return None
-        assert run.scene.gears is not None
-        units = run.scene.gears.units
-        seconds = run.sums.time / run.scene.gears.omega
-        counted = count_impacts(run.sums.main.sum(axis=1), run.scene.stages)
-        return np.asarray(counted * np.array([1.0, units.speed, units.energy]) / seconds)
+Known = dict[float, Stationary]
+"""What was found, by the constant speed, in rising order."""
+
+
+def _count_paths(found: Stationary) -> Floats | None:
+    """What every path does a second, as the ramp counts it: 1/s, mm/s and mJ; None without paths
+    that have forgotten their start.
+
+    Shapes: result (paths, groups, number and speed above and energy).
+    """
+    run = found.run
+    if run is None or run.widened > 1.0:
+        return None
+    assert run.scene.gears is not None
+    units = run.scene.gears.units
+    seconds = run.sums.time / run.scene.gears.omega
+    counted = count_impacts(run.sums.main.sum(axis=1), run.scene.stages)
+    return np.asarray(counted * np.array([1.0, units.speed, units.energy]) / seconds)
 
 
 @numpy_defaults
@@ -136,17 +141,16 @@ def run_up(
     >>> list(found.points["rpm"])
     [800.0, 1600.0]
     """
-    ramp = read_ramp(scene, rpm, seconds)
+    ramp = read_ramp(scene, rpm, seconds, slow)
     count("points", points, least=2)
     count("workers", workers)
-    positive("slow", slow)
     positive("budget", budget)
     given = read_seed(rng)
     seed = np.random.SeedSequence(given) if isinstance(given, int) else given
     if ramp.periods < FEWEST_IN_A_POINT * points:
         why = f"is too short: {ramp.periods} periods of the excitation for {points} speeds"
         raise InputError("seconds", seconds, f"{why}; give more of them, or fewer points")
-    ramp.stretches(slow, COARSER)  # a speed that the gears cannot have is refused before any work
+    ramp.stretches(COARSER)  # a speed that the gears cannot have is refused before any work
     compile_ahead.expect("stationary", len(scene.drive))
     limit = Budget(budget + CLOCK_SPARE[0] * budget + CLOCK_SPARE[1])
     do("run-up: compiling")
@@ -154,19 +158,19 @@ def run_up(
         warm_up(scene, slow)
     speeds = np.linspace(ramp.first, ramp.last, points).tolist()
     do("run-up: counting impacts at every speed")
-    plan = plan_work(ramp, speeds, slow, budget, seed)
+    plan = plan_work(ramp, speeds, budget, seed)
     if progress:
         ESTIMATES.info("%s: %s", progress, plan.sentence)
-    runs = _run_steady(ramp, slow, plan, limit, seed, workers, progress)
-    known = sorted((run for run in runs if run.found is not None), key=lambda run: run.rpm)
+    runs = _run_steady(ramp, plan, limit, seed, workers, progress)
+    known = {run.rpm: run.found for run in sorted(runs) if run.found is not None}
     fine = coarse = None
     if plan.ramp_paths and len(known) > 1:
-        fine, coarse = _follow_twice(ramp, known, slow, plan, limit, seed, workers, progress)
+        fine, coarse = _follow_twice(ramp, known, plan, limit, seed, workers, progress)
     table = _tabulate(known, fine, scene)
     whole = table["rpm"].isna()
     overall = pd.DataFrame()
     if fine is not None:
-        table = _judge(table, known, plan.speeds)
+        table = _judge(table, list(known), plan.speeds)
         overall = _compare_overall(table[whole], fine, coarse)
     left_out = [SteadyRun(rpm, None, "left out: beyond the budget") for rpm in plan.left_out]
     complete = plan.complete if left_out or fine is None else 0.0
@@ -191,7 +195,6 @@ def run_up(
 
 def _run_steady(
     ramp: SpeedRamp,
-    slow: float,
     plan: RunUpPlan,
     limit: Budget,
     seed: np.random.SeedSequence,
@@ -213,7 +216,7 @@ def _run_steady(
                     ramp.scene_at(rpm),
                     periods=plan.periods,
                     paths=plan.paths,
-                    slow=ramp.slow_at(slow, rpm),
+                    slow=ramp.slow_at(rpm),
                     budget=max(left / (number - done), LEAST_RAMP_BUDGET),
                     closures=(),
                     rng=_seed_of(ramp.scene, seed, round(rpm)),
@@ -238,8 +241,7 @@ def _seed_of(scene: Scene, seed: np.random.SeedSequence, *keys: int) -> np.rando
 
 def _follow_twice(
     ramp: SpeedRamp,
-    known: list[SteadyRun],
-    slow: float,
+    known: Known,
     plan: RunUpPlan,
     limit: Budget,
     seed: np.random.SeedSequence,
@@ -248,8 +250,8 @@ def _follow_twice(
 ) -> list[RampSums | None]:
     """The ramp in stretches of one period and of `COARSER`, with the same random numbers."""
     do("run-up: the ramp")
-    knots = [run.rpm for run in known]
-    scenes = [run.found.scene for run in known if run.found is not None]
+    knots = list(known)
+    scenes = [found.scene for found in known.values()]
     total = 2 * (ramp.periods + RAMP_BURN_IN)
     copies = []
     with (
@@ -259,15 +261,15 @@ def _follow_twice(
         for stretch in (1, COARSER):
             of_ramp = _seed_of(ramp.scene, seed, len(known), 1)
             paths = RampPaths(scenes, plan.ramp_paths, of_ramp)
-            sums = follow_ramp(ramp, knots, slow, stretch, paths, RAMP_BURN_IN, pool, limit, bar)
+            sums = follow_ramp(ramp, knots, stretch, paths, pool, limit, bar)
             copies.append(sums)
     return copies
 
 
-def _tabulate(known: list[SteadyRun], sums: RampSums | None, scene: Scene) -> pd.DataFrame:
+def _tabulate(known: Known, sums: RampSums | None, scene: Scene) -> pd.DataFrame:
     """Every quantity at every speed, and last in the whole ramp: constant, in the ramp, and the
     difference."""
-    steady = {run.rpm: run.found.table_in("physical") for run in known if run.found is not None}
+    steady = {rpm: found.table_in("physical") for rpm, found in known.items()}
     same_sets = _count_same_sets(known, scene)
     parts = []
     for (group, suffix), kind in product(groups(scene.stages), QUANTITIES):
@@ -285,7 +287,7 @@ def _tabulate(known: list[SteadyRun], sums: RampSums | None, scene: Scene) -> pd
     return pd.concat(parts, ignore_index=True)
 
 
-def _count_same_sets(known: list[SteadyRun], scene: Scene) -> Floats | None:
+def _count_same_sets(known: Known, scene: Scene) -> Floats | None:
     """What every gear set does a second at the constant speeds; None where paths are no gear sets,
     or a speed has no paths.
 
@@ -293,14 +295,13 @@ def _count_same_sets(known: list[SteadyRun], scene: Scene) -> Floats | None:
     """
     if scene.tolerance is None or not scene.tolerance.differs_by_set:
         return None
-    counts = [run.counts for run in known]
+    counts = [_count_paths(found) for found in known.values()]
     return None if any(one is None for one in counts) else np.array(counts)
 
 
-def _judge(table: pd.DataFrame, known: list[SteadyRun], planned: Sequence[float]) -> pd.DataFrame:
+def _judge(table: pd.DataFrame, grid: list[float], planned: Sequence[float]) -> pd.DataFrame:
     """Whether ramp and constant speeds differ, with 95 % probability for all rows together; not
     beside a speed that was planned and has no result, nor then in the whole ramp."""
-    grid = [run.rpm for run in known]
     missing = np.array([rpm for rpm in planned if rpm not in grid])
     between = np.searchsorted(grid, missing)
     beside = {rpm for i in between for rpm in grid[max(i - 1, 0) : i + 1]}
@@ -321,7 +322,7 @@ def _compare(
     kind: str,
     group: int,
     suffix: str,
-) -> dict[str, Any]:
+) -> Facts:
     """Columns of a quantity in the ramp, and of its difference from constant speeds."""
 
     def column(name: str, statistic: str) -> Floats:
@@ -331,14 +332,13 @@ def _compare(
     name = kind + suffix
     own = column(name, "value"), column(name, "se")
     if kind == "speed_above":
-        spreads = sums.mean_speeds(group)
         rate = f"rate_above{suffix}"
         rates = column(rate, "value"), column(rate, "se")
         middle, error, allowance = average_speeds(sums, rates, own)
     else:
-        spreads = sums.per_time(QUANTITIES[kind], group)
         middle, error, allowance = average_steady(sums, POWERS[kind], own)
-    value, se, paths = np.array([list(one) for one in spreads]).T
+    spreads = sums.spreads(QUANTITIES[kind], group)
+    value, se, paths = np.array(spreads).T
     low, high = np.array([one.interval() for one in spreads]).T
     if kind != "speed_above":
         low = np.maximum(low, 0.0)
@@ -350,7 +350,7 @@ def _compare(
     difference = value - middle
     if same_sets is not None:  # set by set: how much they differ from each other drops out
         pairs = sums.differences(QUANTITIES[kind], group, same_sets)
-        difference, apart, effective = np.array([list(one) for one in pairs]).T
+        difference, apart, effective = np.array(pairs).T
     half = half_width(np.nan_to_num(effective, nan=2.0)) * apart + allowance
     return {
         "effective_paths": effective,
@@ -389,14 +389,13 @@ def _tabulate_points(ramp: SpeedRamp, runs: list[SteadyRun]) -> pd.DataFrame:
     """Every speed: excitation, drag and threshold of each wheel, and what was run there."""
     rows = []
     for run in sorted(runs, key=lambda run: run.rpm):
-        row: dict[str, Any] = {"rpm": run.rpm, "omega": float(ramp.omega_at(np.array(run.rpm)))}
+        row: Facts = {"rpm": run.rpm, "omega": float(ramp.omega_at(np.array(run.rpm)))}
         for wheel in rattle_threshold(ramp.scene_at(run.rpm)):
             row[f"drag{wheel.wheel}"] = wheel.drag
             row[f"threshold{wheel.wheel}"] = wheel.least
         long_run = run.found.run if run.found else None
         row["kind"] = run.found.kind if run.found else ""
-        row["paths"] = long_run.paths if long_run else 0
-        row["periods"] = long_run.periods if long_run else 0
+        row |= {name: getattr(long_run, name, 0) for name in ("paths", "periods")}
         row["burn_in"] = long_run.burn_in.periods if long_run else 0
         rows.append(row | {"remark": run.remark})
     return pd.DataFrame(rows)

@@ -1,30 +1,24 @@
 """The page of a run-up."""
 
-from typing import Any
-
 import pandas as pd
 
 from rattle.compare.ramp.result import RunUp
+from rattle.compare.report.json_text import Facts
 from rattle.compare.report.report import Report
 from rattle.compare.report.texts import wheel_label
 
 
-def make_report(found: RunUp, record: dict[str, Any]) -> Report:
+def make_report(found: RunUp, record: Facts) -> Report:
     """The report on a run-up."""
     parts = found.table["quantity"].str.partition("_mesh")
     by_mesh = parts[2] != ""
     labels = [wheel_label(found.scene, int(mesh)) for mesh in parts[2][by_mesh]]
     rows_by_mesh = found.table[by_mesh].assign(quantity=parts[0][by_mesh], wheel=labels)
-    facts = {
-        name: value
-        for name, value in found.to_dict().items()
-        if name != "answer" and not isinstance(getattr(found, name), pd.DataFrame)
-    }
     return Report(
         "run-up",
         f"The run-up of {record['name']}",
         found.answer,
-        record | facts,
+        record | found.facts,
         {
             "found": found,
             "rows": found.table[~by_mesh],

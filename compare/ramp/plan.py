@@ -79,15 +79,14 @@ def coarse_to_fine(number: int) -> list[int]:
 
 
 def plan_work(
-    ramp: SpeedRamp, speeds: list[float], slow: float, budget: float, seed: np.random.SeedSequence
+    ramp: SpeedRamp, speeds: list[float], budget: float, seed: np.random.SeedSequence
 ) -> RunUpPlan:
     """Share a budget among constant speeds and the ramp; of both the least comes first."""
     costs = []
     for rpm in speeds:
         scene = ramp.scene_at(rpm)
-        slow_there = ramp.slow_at(slow, rpm)
         motions = scene.constants, ramp.constants_at(rpm)  # chatter may be in one of them alone
-        costs.append([count_period(scene, slow_there, seed, c) for c in motions])
+        costs.append([count_period(scene, ramp.slow_at(rpm), seed, c) for c in motions])
     cost, cost_in_ramp = np.array(costs).T
     ascending = np.argsort(speeds)
     passed = ramp.rpm_at(np.arange(0.5, ramp.periods))

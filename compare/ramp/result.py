@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import pandas as pd
 
 from rattle.compare.report.finding import Finding
+from rattle.compare.report.json_text import Facts
 from rattle.compare.report.render import render_sentences
 from rattle.compare.report.texts import wheel_label
 from rattle.compare.stationary.result import speed_text
@@ -127,11 +128,11 @@ class RunUp(Finding):
         return run_up_figure(self.table, self.thresholds, self.points["rpm"])
 
 
-def _join_wheels(thresholds: pd.DataFrame) -> list[dict[str, Any]]:
+def _join_wheels(thresholds: pd.DataFrame) -> list[Facts]:
     """Thresholds with all the `wheels` of which the same is said; without a speed None."""
     columns = ["motion", "rpm", "opens"]
     same = thresholds.groupby(columns, sort=False, dropna=False, as_index=False)
-    rows: list[dict[str, Any]] = same.agg(wheels=("wheel", list)).to_dict("records")  # type: ignore[assignment]
+    rows: list[Facts] = same.agg(wheels=("wheel", list)).to_dict("records")  # type: ignore[assignment]
     return [row | {"rpm": None if pd.isna(row["rpm"]) else row["rpm"]} for row in rows]
 
 

@@ -28,6 +28,7 @@ class SpeedRamp:
     first: float
     last: float
     seconds: float
+    slow: float = 0.1  # speed below which an impact is slow, dimensionless at the file's speed
 
     @cached_property
     def gears(self) -> Gears:
@@ -36,10 +37,14 @@ class SpeedRamp:
         return self.scene.gears
 
     @cached_property
+    def name(self) -> str:
+        """The name of the driver's mean speed in the file."""
+        return next(name for name in SPEEDS if name in self.gears.values)
+
+    @cached_property
     def file_rpm(self) -> float:
         """The speed at which the file's `omega` holds."""
-        ((name, speed),) = ((n, self.gears.values[n]) for n in SPEEDS if n in self.gears.values)
-        return float(speed) * (SPEEDS[name] / SPEEDS["speed_rpm"])
+        return float(self.gears.values[self.name]) * (SPEEDS[self.name] / SPEEDS["speed_rpm"])
 
     @cached_property
     def rates(self) -> tuple[float, float, float]:
@@ -67,10 +72,9 @@ class SpeedRamp:
 
     def scene_at(self, rpm: float) -> Scene:
         """The scene at a constant speed: all else as typed, the order of the excitation too."""
-        name = next(n for n in SPEEDS if n in self.gears.values)
-        speed = rpm * (SPEEDS["speed_rpm"] / SPEEDS[name])
+        speed = rpm * (SPEEDS["speed_rpm"] / SPEEDS[self.name])
         omega = float(self.omega_at(np.array(rpm)))
-        return self.scene.with_gears(**{name: speed, "omega": omega})
+        return self.scene.with_gears(**{self.name: speed, "omega": omega})
 
     @cached_property
     def rim_acceleration(self) -> float:
@@ -81,13 +85,9 @@ class SpeedRamp:
         assert radius is not None  # no mean speed is taken without it
         return float(radius) * rad_s2
 
-    def added_gamma(self, gears: Gears) -> float:
-        """What the acceleration of the mean rotation adds to the drag of a wheel, over its turn:
-        the ratio of the speeds of its rim and the driver's."""
-        return self.rim_acceleration / (gears.units.length * gears.omega**2)
-
     def added_torque(self, wheel: int) -> float:
-        """The same as a torque on a wheel, N mm, at any speed."""
+        """What the acceleration of the mean rotation adds to the drag of a wheel, N mm, at any
+        speed."""
         at = self.gears.tree[wheel - 1]
         turn = float(self.scene.constants.wheels["turn"][wheel - 1])
         return at.inertia * turn * self.rim_acceleration / at.radius / KG_MM_PER_S2_PER_N
@@ -97,11 +97,11 @@ class SpeedRamp:
         scene = self.scene_at(rpm)
         assert scene.gears is not None
         c = scene.constants
-        rate = self.rates[2]
-        damping = rate / scene.gears.omega**2
-        drag = self.added_gamma(scene.gears)
+        omega = scene.gears.omega
+        drag = self.rim_acceleration / (scene.gears.units.length * omega**2)
         wheels = c.wheels.copy()
-        wheels["beta"] += damping
+        wheels["beta"] += self.rates[2] / omega**2
+        # the turn is the ratio of the speeds of its rim and the driver's
         wheels["gamma"] += wheels["turn"] * drag
         complete_wheels(wheels, c.drive)
         for name, gamma in zip(scene.wheel_names, wheels["gamma"], strict=True):
@@ -113,19 +113,19 @@ class SpeedRamp:
                 raise InputError("seconds", self.seconds, why)
         return c._replace(wheels=wheels)
 
-    def stretches(self, slow: float, periods: int) -> tuple[list[RampStretch], Floats]:
+    def stretches(self, periods: int) -> tuple[list[RampStretch], Floats]:
         """The ramp in stretches of so many periods, each at the speed in its middle, and these."""
         number = self.periods // periods
         rpm = self.rpm_at(periods * np.arange(0.5, number))
         parts = [
-            RampStretch(self.constants_at(speed), self.slow_at(slow, speed), periods)
+            RampStretch(self.constants_at(speed), self.slow_at(speed), periods)
             for speed in rpm.tolist()
         ]
         return parts, rpm
 
-    def slow_at(self, slow: float, rpm: float) -> float:
-        """A dimensionless speed of the file's scene at another speed: the same in mm/s."""
-        return slow * self.file_rpm / rpm
+    def slow_at(self, rpm: float) -> float:
+        """Below which an impact is slow at another speed of the driver: the same in mm/s."""
+        return self.slow * self.file_rpm / rpm
 
     def opens(self, wheel: int, rpm: float, ramp: bool) -> bool:
         """Whether closed teeth of a wheel open at a speed, constant or in the ramp."""
@@ -151,7 +151,9 @@ class SpeedRamp:
         return crossings
 
 
-def read_ramp(scene: Scene, rpm: tuple[float, float], seconds: float) -> SpeedRamp:
+def read_ramp(
+    scene: Scene, rpm: tuple[float, float], seconds: float, slow: float = 0.1
+) -> SpeedRamp:
     """A ramp of a scene, checked."""
     check_scene(scene)
     gears = scene.gears
@@ -166,7 +168,9 @@ def read_ramp(scene: Scene, rpm: tuple[float, float], seconds: float) -> SpeedRa
     first, last = (float(positive("rpm", value)) for value in rpm)
     if first == last:
         raise InputError("rpm", rpm, "give two different speeds")
-    ramp = SpeedRamp(scene, first, last, float(positive("seconds", seconds)))
+    ramp = SpeedRamp(
+        scene, first, last, float(positive("seconds", seconds)), positive("slow", slow)
+    )
     for speed in (first, last):  # what cannot be there is refused before any work
         ramp.constants_at(speed)
     return ramp

@@ -41,3 +41,9 @@ class Finding:
             data[field.name] = value
         del data["scene"]
         return data
+
+    @property
+    def facts(self) -> Facts:
+        """The same for the manifest of a page, which holds answer and tables apart."""
+        tables = [name for name, value in vars(self).items() if isinstance(value, pd.DataFrame)]
+        return {k: v for k, v in self.to_dict().items() if k not in ("answer", *tables)}

@@ -6,6 +6,8 @@ from io import BytesIO
 from typing import Any
 
 import matplotlib as mpl
+import numpy as np
+import pandas as pd
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
@@ -119,6 +121,11 @@ def plain_numbers(axis: Axis, values: Iterable[float]) -> None:
         axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
     axis.set_major_formatter("{x:g}")
     axis.set_minor_formatter(NullFormatter())
+
+
+def error_bars(rows: pd.DataFrame, column: str = "value") -> Any:
+    """How far the intervals of a table reach below and above a column; shape (2, rows)."""
+    return np.abs(rows[["low", "high"]].to_numpy().T - rows[column].to_numpy())
 
 
 def whole_impacts(ax: Axes) -> None:

@@ -12,11 +12,18 @@ from matplotlib.figure import Figure
 
 from rattle.closure.stationary import Law
 from rattle.compare.chaos.figures import draw_cells, label_velocity, speed_unit
-from rattle.compare.report.style import ACCURATE_COLOUR, STYLE, legend_above, new_figure
+from rattle.compare.report.style import (
+    ACCURATE_COLOUR,
+    STYLE,
+    error_bars,
+    legend_above,
+    new_figure,
+    new_panels,
+)
 from rattle.compare.report.texts import wheel_label
 from rattle.montecarlo.long_run import LongRun
 from rattle.montecarlo.statistics.intervals import half_width
-from rattle.scene import Floats, Gears
+from rattle.scene import Floats
 
 SIMULATED_COLOUR: Any = STYLE["monte carlo"]["color"]
 DEEP = 1e-3  # lower end of the colours of a density, relative to its highest
@@ -30,11 +37,7 @@ def draw(found: Any, scatter: pd.DataFrame, sets: Mapping[str, Floats]) -> dict[
     quantity.
     """
     run = found.run
-    gears = found.scene.gears
-    out = {
-        "distribution": distribution_figure(run, found.laws, gears),
-        "section": section_figure(run, gears),
-    }
+    out = {"distribution": distribution_figure(run, found.laws), "section": section_figure(run)}
     if sets:
         out["scatter"] = scatter_figure(scatter, sets)
     if not run.is_scattered:
@@ -45,16 +48,14 @@ def draw(found: Any, scatter: pd.DataFrame, sets: Mapping[str, Floats]) -> dict[
     return out
 
 
-def distribution_figure(run: LongRun, laws: Mapping[str, Law | str], gears: Gears | None) -> Figure:
+def distribution_figure(run: LongRun, laws: Mapping[str, Law | str]) -> Figure:
     """Draw the density of the velocity before an impact at each mesh with its 95 % band, and that
     of the closures."""
     t = half_width(run.paths)
-    meshes = len(run.densities)
-    columns = min(meshes, 2)
-    rows = -(-meshes // columns)
-    figure, axes = new_figure(max(4.6 * columns, LEGEND_WIDTH), 3.6 * rows, rows, columns)
-    factor, unit = speed_unit(gears)
-    for ax, density in zip(axes, run.densities, strict=False):
+    columns = min(len(run.densities), 2)
+    figure, axes = new_panels(len(run.densities), 2, max(4.6, LEGEND_WIDTH / columns), 3.6)
+    factor, unit = speed_unit(run.scene.gears)
+    for ax, density in zip(axes, run.densities, strict=True):
         value, se = run.velocity_density(density.mesh) / np.array([[factor]])
         edges = factor * density.velocity
         top = float((value + t * se).max())
@@ -79,11 +80,9 @@ def distribution_figure(run: LongRun, laws: Mapping[str, Law | str], gears: Gear
         ax.axvspan(-slow, slow, color="0.6", alpha=0.3, lw=0, label="slow impacts")
         ax.set_xlabel(rf"velocity before the impact $y_{density.mesh}$ ({unit})")
         ax.set_title(f"mesh {wheel_label(run.scene, density.mesh)}", loc="left")
-    for ax in axes[:meshes:columns]:
+    for ax in axes[::columns]:
         ax.set_ylabel(f"probability density (1 / ({unit}))")
-    legend_above(figure, axes[:meshes], 3)
-    for ax in axes[meshes:]:
-        ax.remove()
+    legend_above(figure, axes, 3)
     return figure
 
 
@@ -99,12 +98,12 @@ def _speeds(ax: Axes, law: Law, mesh: int, closure: str, edges: Floats, factor: 
             ax.axvline(at, ymax=0.12, color=colour, lw=2.0, label=f"{closure}: mean speed")
 
 
-def section_figure(run: LongRun, gears: Gears | None) -> Figure:
+def section_figure(run: LongRun) -> Figure:
     """Draw the density of the section over phase and velocity, and its relative error in every
     cell."""
     densities = run.densities
     rows = len(densities)
-    factor, unit = speed_unit(gears)
+    factor, unit = speed_unit(run.scene.gears)
     figure, axes = new_figure(9.2, 0.6 + 2.9 * rows, rows, 2)
     for d, left, right in zip(densities, axes[::2], axes[1::2], strict=True):
         edges = d.phase / math.pi, factor * d.velocity
@@ -149,11 +148,10 @@ def scatter_figure(scatter: pd.DataFrame, sets: Mapping[str, Floats]) -> Figure:
         steps = np.sort(values)
         share = 100.0 * np.arange(1, len(steps) + 1) / len(steps)
         ax.step(steps, share, where="post", color=SIMULATED_COLOUR, lw=1.0, label="gear sets")
-        ends = np.abs(rows[["low", "high"]].to_numpy().T - rows["value"].to_numpy())
         ax.errorbar(
             rows["value"],
             rows["percent"],
-            xerr=ends,
+            xerr=error_bars(rows),
             label="quantile with 95 % interval",
             fmt="o",
             ms=4,

@@ -10,6 +10,7 @@ import pandas as pd
 from rattle.compare.chaos.figures import bifurcation_figure
 from rattle.compare.chaos.sweep import Bifurcation
 from rattle.compare.judge.verdict import MARKS, Verdict
+from rattle.compare.report.json_text import Facts
 from rattle.compare.report.render import render_sentences
 from rattle.compare.report.report import Report
 from rattle.compare.report.table import NO_VALUE, Table
@@ -20,7 +21,7 @@ from rattle.compare.report.texts import (
     label_quantities,
     wheel_label,
 )
-from rattle.compare.stationary.result import LEAST_EFFECTIVE, Stationary, speed_text
+from rattle.compare.stationary.result import LEAST_EFFECTIVE, Stationary, speed_text, usual_units
 from rattle.compare.stationary.verdicts import STATIONARY_TEXTS, TOLERANCES
 from rattle.montecarlo.long_run.scatter import FEWEST_SETS
 from rattle.scene import Scene
@@ -28,7 +29,7 @@ from rattle.scene.changes import is_unit
 from rattle.scene.text import number_text, percent
 from rattle.scene.threshold import rattle_threshold
 
-STATIONARY_WORDS: tuple[str, ...] = (
+STATIONARY_WORDS = (
     *CLOSURE_TERMS,
     *VERDICT_TERMS,
     "exact flight",
@@ -43,11 +44,7 @@ STATIONARY_WORDS: tuple[str, ...] = (
     "sticking",
 )
 
-MESH_WORDS: dict[str, str] = STATIONARY_TEXTS["by_mesh"]
-
-
-def _units(found: Stationary) -> str:
-    return "physical" if found.scene.gears else "dimensionless"
+MESH_WORDS = STATIONARY_TEXTS["by_mesh"]
 
 
 def _verdicts(verdicts: pd.DataFrame) -> pd.DataFrame:
@@ -60,9 +57,9 @@ def _verdicts(verdicts: pd.DataFrame) -> pd.DataFrame:
     return rows.assign(mark=rows["verdict"].map(MARKS).fillna(""))
 
 
-def make_report(found: Stationary, view: Bifurcation | None, record: dict[str, Any]) -> Report:
+def make_report(found: Stationary, view: Bifurcation | None, record: Facts) -> Report:
     """The report on a long run."""
-    units = _units(found)
+    units = usual_units(found.scene)
     gears = found.scene.gears
     figures = found.figures()
     tables = {"stationary": found.table.reset_index()}
@@ -120,7 +117,7 @@ def tabulate_meshes(found: Stationary, table: pd.DataFrame) -> Table:
 
 def answer(found: Stationary) -> list[str]:
     """Summarise a long run in sentences."""
-    units = _units(found)
+    units = usual_units(found.scene)
     table = found.table_in(units)
     memory = table["autocorrelation"]
     # 0 where all paths have the same

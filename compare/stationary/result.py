@@ -5,12 +5,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
 
 from rattle.closure.stationary import Law
+from rattle.compare.report.json_text import Facts
 from rattle.compare.stationary.verdicts import judge_predictions, laws, predictions
 from rattle.montecarlo.long_run import LongRun, SectionDensity
 from rattle.montecarlo.long_run.estimates import groups
@@ -27,24 +28,31 @@ if TYPE_CHECKING:
 
 LEAST_EFFECTIVE = 16.0
 """Effective paths below which an interval is a tenth wider for that, or more."""
-LEAST_SHARE = 0.25  # of the paths, where there are few
 DRAWN_OF_SETS = ("rate_above", "speed_above", "power")
 """Quantities whose distribution over gear sets is drawn."""
+LEAST_SHARE = 0.25  # of the paths, where there are few
 MESH_OR_MOMENT = re.compile(r"^(sd_|rms_|q\d\d_)|(_above)?(_mesh\d+)?$")
 """What the name of a quantity says beside its kind."""
 NUMERIC = ["value", "se", "low", "high", "se_batches"]
 NUMERIC += ["predicted", "simulated", "error", "tolerance"]
 """Columns of estimates and of verdicts that have the unit of their quantity."""
-QUANTITY_UNITS: dict[str, tuple[str, Callable[[Units], float], str]] = {
+QuantityUnit = tuple[str, Callable[[Units], float], str]
+ENERGY: QuantityUnit = ("mJ", lambda u: u.energy, DIMENSIONLESS["mJ"])
+QUANTITY_UNITS: dict[str, QuantityUnit] = {
     "rate": ("1/s", lambda u: 1000.0 / u.time, "omega"),
     "flight": ("ms", lambda u: u.time, DIMENSIONLESS["ms"]),
     "speed": ("mm/s", lambda u: u.speed, DIMENSIONLESS["mm_per_s"]),
-    "energy": ("mJ", lambda u: u.energy, DIMENSIONLESS["mJ"]),
-    "energy_per_period": ("mJ", lambda u: u.energy, DIMENSIONLESS["mJ"]),
+    "energy": ENERGY,
+    "energy_per_period": ENERGY,
     "power": ("mW", lambda u: 1000.0 * u.energy / u.time, f"{DIMENSIONLESS['mJ']} omega"),
 }
 """The physical unit of each kind of quantities, the factor to it, and what dimensionless ones count
 in."""
+
+
+def usual_units(scene: Scene) -> str:
+    """The units that pages state quantities in."""
+    return "physical" if scene.gears else "dimensionless"
 
 
 def plain_unit(quantity: str) -> str:
@@ -239,7 +247,7 @@ class Stationary:
 
         if self.run is None:
             return {}
-        units = "physical" if self.scene.gears else "dimensionless"
+        units = usual_units(self.scene)
         sets = {}
         for name in DRAWN_OF_SETS if self.run.is_scattered else ():
             values = values_of_sets(self.run.sums, name, 0)
@@ -301,7 +309,7 @@ class Stationary:
         """`verdicts` in a system of units, with a column ``unit``, as `table_in`."""
         return in_units(self.verdicts, self.scene.gears, units)
 
-    def to_dict(self, units: str = "dimensionless") -> dict[str, Any]:
+    def to_dict(self, units: str = "dimensionless") -> Facts:
         """Everything but the section as plain data.
 
         Parameters
@@ -314,7 +322,7 @@ class Stationary:
         dict
         """
         run = self.run
-        facts: dict[str, Any] = {
+        facts: Facts = {
             "kind": self.kind,
             "said": self.said,
             "slow": self.slow,

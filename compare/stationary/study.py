@@ -6,16 +6,15 @@ import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields, replace
 from itertools import cycle
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 from matplotlib.figure import Figure
 
-from rattle.compare.engine.store import Cell, Content
+from rattle.compare.engine.store import Cell, Content, Facts
 from rattle.compare.judge.verdict import JUDGED, Tolerances, Verdict, span
 from rattle.compare.report.render import render_sentences
 from rattle.compare.report.style import STYLE, new_figure
-from rattle.compare.report.table import Table, of_numbers
 from rattle.compare.report.texts import CLOSURE_TERMS, VERDICT_TERMS, label_quantity
 from rattle.compare.stationary.measure import ESTIMATE_COLUMNS, stationary
 from rattle.compare.stationary.result import in_units, plain_unit
@@ -65,7 +64,7 @@ class LongResult:
 
     table: pd.DataFrame  # as of `rattle.compare.stationary.result.Stationary`
     predicted: pd.DataFrame  # as of `rattle.compare.stationary.verdicts.predictions`
-    facts: dict[str, Any]  # `FACTS`
+    facts: Facts  # `FACTS`
 
     @property
     def verdicts(self) -> pd.DataFrame:
@@ -79,8 +78,8 @@ class LongResult:
 class LongCell(Cell):
     """The long run of a scene."""
 
-    group: ClassVar[str] = "long runs"
-    packages: ClassVar[tuple[str, ...]] = ("closure", "montecarlo")
+    group = "long runs"
+    packages = ("closure", "montecarlo")
 
     scene: Scene
     seed: int
@@ -94,12 +93,12 @@ class LongCell(Cell):
     limit: Budget | None = None
 
     @property
-    def asked(self) -> dict[str, Any]:
+    def asked(self) -> Facts:
         """The `LONG_RUN_SETTINGS` of the simulation."""
         return {name: getattr(self, name) for name in LONG_RUN_SETTINGS}
 
     @property
-    def settings(self) -> dict[str, Any]:
+    def settings(self) -> Facts:
         """Everything that determines the result besides the scene, and the columns that are
         stored."""
         names = [f.name for f in fields(self) if f.name not in ("scene", "limit")]
@@ -116,7 +115,7 @@ class LongCell(Cell):
             "branching" in self.closures
         )
 
-    def evaluate(self, blocks: Blocks | None = None) -> tuple[pd.DataFrame, dict[str, Any]]:
+    def evaluate(self, blocks: Blocks | None = None) -> tuple[pd.DataFrame, Facts]:
         """Follow the long run; raises BudgetEnded if it does not fit the budget."""
         budget = None
         if self.limit is not None and math.isfinite(self.limit.seconds):
@@ -138,7 +137,7 @@ class LongCell(Cell):
             if run.reach is not None and not run.reach.reached:
                 raise InputError("accuracy", self.accuracy, run.reach.sentence)
             parts.append(predictions(result.laws, result.scene, self.slow))
-        facts: dict[str, Any] = {"kind": result.kind, "said": result.said}
+        facts: Facts = {"kind": result.kind, "said": result.said}
         facts |= {name: getattr(run, name, 0) for name in ("periods", "paths", "impacts")}
         facts["burn_in"] = run.burn_in.periods if run else 0
         return pd.concat([part for part in parts if len(part)], ignore_index=True), facts
@@ -157,7 +156,7 @@ class LongTables:
     """The tables of a study of the long run."""
 
     study: Study
-    record: dict[str, Any]  # the manifest
+    record: Facts  # the manifest
     # every quantity at every point: the fields that vary, ``quantity``, and the columns of
     # `LongResult.table`
     quantities: pd.DataFrame
@@ -234,7 +233,7 @@ def combine(study: Study, found: Mapping[str, LongResult]) -> LongTables:
     )
 
 
-def read(given: Mapping[str, Any], varying: set[str], scene: Scene) -> dict[str, Any]:
+def read(given: Mapping[str, Any], varying: set[str], scene: Scene) -> Facts:
     """Read the fields of `Study` that ``[study]`` gives."""
     settings = {name: given[name] for name in (*LONG_RUN_SETTINGS, "seed") if name in given}
     for name in varying & {"scheme", "dt", *settings}:
@@ -255,7 +254,7 @@ def read(given: Mapping[str, Any], varying: set[str], scene: Scene) -> dict[str,
 
 
 def cells(
-    study: Study, scene: Scene, settings: dict[str, Any]
+    study: Study, scene: Scene, settings: Facts
 ) -> tuple[LongCell | None, tuple[()], dict[str, str]]:
     """The long run of a point, or why it cannot be computed."""
     try:
@@ -403,11 +402,10 @@ def draw(r: LongTables) -> list[Drawing]:
     return drawn
 
 
-def content(r: LongTables, seconds: Mapping[str, float]) -> dict[str, Any]:
+def content(r: LongTables, seconds: Mapping[str, float]) -> Facts:
     """What the template of the page shows: the main quantities at every point, with half widths of
     their intervals."""
-    names = r.study.names
-    point = ["study", *names]  # an index even where no field varies
+    point = ["study", *r.study.names]  # an index even where no field varies
     half = 0.5 * (r.quantities["high"] - r.quantities["low"])
     physical = is_physical(r.study)
     shown = PHYSICAL_QUANTITIES if physical else MAIN_QUANTITIES
@@ -420,12 +418,5 @@ def content(r: LongTables, seconds: Mapping[str, float]) -> dict[str, Any]:
     )
     rows = r.cost.assign(study=0).join(columns, on=point)
     unit = unit_of_quantity(r.quantities)
-    titles = {name: f"{name} ({unit(name)})" if physical and unit(name) else name for name in shown}
-    heads = [
-        of_numbers(titles[name] if kind == "value" else "±", f"{kind} {name}")
-        for kind, name in main
-    ]
-    table = Table.of_frame(
-        rows, *names, *heads, of_numbers("burn-in", "burn_in"), of_numbers("periods")
-    )
-    return {"main": table, "tolerances": TOLERANCES}
+    units = {name: unit(name) if physical else "" for name in shown}
+    return {"rows": rows, "units": units, "tolerances": TOLERANCES}

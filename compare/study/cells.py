@@ -4,7 +4,6 @@ A cell knows every input that determines its result.  Their digest is its key in
 """
 
 from dataclasses import dataclass, fields, replace
-from typing import ClassVar
 
 import numpy as np
 import pandas as pd
@@ -70,9 +69,9 @@ class Sampled:
 class Sample(Cell):
     """An ensemble of paths of a scene."""
 
-    group: ClassVar[str] = "ensembles"
-    packages: ClassVar[tuple[str, ...]] = ("montecarlo",)
-    splits: ClassVar[bool] = True
+    group = "ensembles"
+    packages = ("montecarlo",)
+    splits = True
 
     scene: Scene
     impacts: int
@@ -252,7 +251,7 @@ class Predicted:
 class Prediction(Cell):
     """A closure's prediction for a scene."""
 
-    packages: ClassVar[tuple[str, ...]] = ("closure",)
+    packages = ("closure",)
 
     scene: Scene
     impacts: int

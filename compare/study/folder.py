@@ -29,7 +29,6 @@ from rattle.compare.report.json_text import check_not_newer
 from rattle.compare.report.provenance import provenance
 from rattle.compare.report.report import Report
 from rattle.compare.report.save import file_digest, write_files
-from rattle.compare.report.table import Table, of_numbers
 from rattle.compare.report.texts import glossary, name_wheels
 from rattle.compare.study.design import STUDY_KINDS, Coordinates, Point, Study, kind_of, page_of
 from rattle.scene import FileError, OutputError, RattleError
@@ -292,9 +291,8 @@ def _write(folder: Path, tables: Any, seconds: Mapping[str, float], facts: Facts
         **facts,
     }
     failures = group_failures(study.points, record.get("failed", {}))
-    heads = ("what", of_numbers("points"), "the first", "why")
-    rows = ((failure.what, failure.points, failure.where, failure.why) for failure in failures)
-    content = {"study": study, "drawn": drawn, "failures": Table.of(heads, rows)}
+    rows = pd.DataFrame(failures, columns=FailedPoints._fields)
+    content = {"study": study, "drawn": drawn, "failures": rows}
     report = Report(
         "study",
         study.title,

@@ -2,11 +2,11 @@
 page."""
 
 from collections.abc import Mapping
-from typing import Any
 
 import pandas as pd
 
 from rattle.compare.judge.verdict import Verdict, in_words, is_accurate, span, want
+from rattle.compare.report.json_text import Facts
 from rattle.compare.report.render import render_sentences
 from rattle.compare.report.texts import CLOSURE_TERMS, SECTION_TERMS, VERDICT_TERMS
 from rattle.compare.study.estimate import scaling
@@ -112,7 +112,7 @@ def draw(r: Tables) -> list[Drawing]:
     return drawn
 
 
-def content(r: Tables, seconds: Mapping[str, float]) -> dict[str, Any]:
+def content(r: Tables, seconds: Mapping[str, float]) -> Facts:
     """What the template of the page shows: counts of verdicts, and the cost."""
     rows = r.of_all_paths
     kinds = [rows["closure"], rows["moment"] + "s"]
