@@ -10,7 +10,6 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -30,6 +29,7 @@ from rattle.compare.chaos.record import leave_out
 from rattle.compare.chaos.section import Section, sections
 from rattle.compare.chaos.spectrum import Spectrum, spectra
 from rattle.compare.chaos.sweep import Bifurcation, FieldSweep
+from rattle.compare.report.json_text import Facts
 from rattle.compare.report.texts import read_texts
 from rattle.montecarlo.kernel.blocks import Budget
 from rattle.scene import Scene
@@ -65,7 +65,7 @@ def mean_maps(scene: Scene, orbit: Exponents) -> pd.DataFrame:
     walls = np.array(scene.windows) * (1.0 + 1e-9)
     rows = []
     for closure in closures_for(scene):
-        row: dict[str, Any] = {"closure": closure, **MAPS[closure], "followed": 0}
+        row: Facts = {"closure": closure, **MAPS[closure], "followed": 0}
         # the means of `published` have dynamics of their own, different from the orbit's
         if closure != "published":
             row |= zip(("largest", "low", "high"), orbit.largest, strict=True)

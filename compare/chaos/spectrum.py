@@ -17,6 +17,7 @@ from scipy.special import chdtri
 
 from rattle.compare.chaos.record import NoRecord, in_threads, leave_out, read_orbit, read_path
 from rattle.compare.chaos.section import NOISY, ORBIT_SECTION
+from rattle.compare.report.json_text import Facts
 from rattle.montecarlo.coupling.dyadic import step_time
 from rattle.montecarlo.statistics.intervals import CONFIDENCE
 from rattle.scene import Floats, Scene
@@ -116,7 +117,7 @@ class Spectrum:
         return pd.DataFrame(columns | {"floor": self.floor})
 
     @property
-    def summary(self) -> dict[str, Any]:
+    def summary(self) -> Facts:
         """Power, lines, and how sure they are; the continuous part is what lies outside the
         lines."""
         floor_share = 1.0 - self.lines["share"].sum()
