@@ -362,8 +362,8 @@ def closure_points(
         seen = np.isfinite(error)
         error = error[seen]
         noise = half[seen]
-        worst = int(error.argmax())
-        resolved = bool(error[worst] > noise[worst])
+        worst = error.argmax()
+        resolved = error[worst] > noise[worst]
         yield CostPoint(
             closure,
             "closure",
@@ -371,11 +371,11 @@ def closure_points(
             dt=math.nan,
             paths=0,
             core_seconds=seconds,
-            sampling_error=float(noise[worst]),
+            sampling_error=noise[worst],
             step_error=0.0,
-            error=float(error[worst] if resolved else (error + noise).max()),
+            error=error[worst] if resolved else (error + noise).max(),
             measured=True,
-            median_error=float(np.median(error)),
+            median_error=np.median(error),
             resolved=resolved,
             rows=error.size,
             work=closure_seconds(prediction),
@@ -389,7 +389,7 @@ def _compare(
     from the model."""
     if run is None or run.paths >= reference.paths:
         return [point]
-    actual = float(np.nanmax(_errors(run.section, reference)))
+    actual = np.nanmax(_errors(run.section, reference))
     point = point._replace(actual_error=actual)
     if actual <= point.accuracy * (1.0 + math.sqrt(run.paths / reference.paths)):
         return [point]
@@ -449,7 +449,7 @@ def slope(points: pd.DataFrame, method: str, measured: bool) -> tuple[float, int
     if len(rows) < 2:
         return math.nan, len(rows)
     power, _ = np.polyfit(np.log(rows["accuracy"]), np.log(rows["core_seconds"]), 1)
-    return float(power), len(rows)
+    return power, len(rows)
 
 
 def measure(

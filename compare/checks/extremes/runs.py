@@ -205,7 +205,7 @@ def periodic_motion() -> Iterator[float]:
     scene = bare(alpha=alpha, epsilon=epsilon, gamma1=gamma, gap1=gap, start=start)
     orbit = long_orbit.LongOrbit(scene)
     for s in _stretches(orbit, LONG_RUN_PERIODS):
-        yield float(np.abs(np.angle(np.exp(1j * (s.phase - phase)))).max())
+        yield np.abs(np.angle(np.exp(1j * (s.phase - phase)))).max()
         yield farthest(s.before[:, 1], -y0 / epsilon, 1.0)
         yield farthest(s.flight, 2.0 * math.pi)
         yield 0.0 if len(s.flight) == STRETCH_IMPACTS else math.inf
@@ -297,7 +297,7 @@ def stay_between_walls() -> Iterator[float]:
             record=Record(times=fixed, raw=True),
         )
         means = run.at_times()[["x1", "x2"]].abs().to_numpy()
-        over = max(float(means.max()), _reach(run)) - 0.5
+        over = max(means.max(), _reach(run)) - 0.5
         beyond = SCHEMES[scheme].detects_at_end
         unit = 0.5 + (10.0 + 5.0 * sigma * math.sqrt(dt)) * dt * 1e9 * beyond
         yield max(over, 0.0) / unit if len(means) == len(fixed) else math.inf
@@ -330,7 +330,7 @@ def sticking_paths() -> Iterator[float]:
                 # largest speed of the plain scheme, which detects a wall at the end of a step
                 bounce = 2.0 * drag * dt
                 yield farthest(row["x1"], gap, gap + drag * dt * dt)
-                yield max(abs(float(row["y1"])) / bounce - 1.0, 0.0)
+                yield max(abs(row["y1"]) / bounce - 1.0, 0.0)
             for name in ("corrected", "saltation"):
                 m = closure.mean_map(scene.with_sigma(1e-3 * gap), impacts=200, closure=name)
                 yield 0.0 if m.stopped or m.trace.found == 200 else math.inf

@@ -175,7 +175,7 @@ def _kolmogorov(name: str, values: Floats, below: Callable[[Any], Any]) -> Check
     """Check the Kolmogorov distance of a sample, as many standard errors as a normal deviate of its
     p-value has."""
     distance, p_value = kstest(values, below)
-    deviate = max(float(norm.isf(0.5 * p_value)), 1e-9)
+    deviate = max(norm.isf(0.5 * p_value), 1e-9)
     return Check(f"Kolmogorov distance of {name}", float(distance), 0.0, float(distance) / deviate)
 
 
@@ -205,7 +205,7 @@ def noisy_ball(seed: int = 0, workers: int = 2) -> Found:
             for (column, name), (k, row) in product(MOMENTS.items(), enumerate(rows, start=1)):
                 of = f"{name} {k}, eps {restitution:g}, {scheme}"
                 bias = abs(row.get(f"bias_{column}", 0.0))
-                yield Check(of, row[column], float(truth[column][k - 1]), row[f"se_{column}"], bias)
+                yield Check(of, row[column], truth[column][k - 1], row[f"se_{column}"], bias)
 
     def distributions(sigma: float = 1.0) -> Iterator[Check]:
         for launched, run in exact:
@@ -259,7 +259,7 @@ def ball_verdicts(seed: int = 0, workers: int = 2) -> Found:
             for quantity, factor in (("flight", 8.0), ("y1", 2.0)):
                 row = rows[quantity]
                 predicted = math.sqrt(factor * launch / 3.0)
-                exact = float(truth[f"sd_{quantity}"][0])
+                exact = truth[f"sd_{quantity}"][0]
                 error = predicted / exact - 1.0 - missing
                 ratio = row["predicted"] / row["simulated"]
                 se = ratio * row["se"] / row["simulated"]
@@ -287,9 +287,9 @@ def stationary_ball(seed: int = 0, workers: int = 2) -> Found:
             sums = run.sums.main.sum(axis=1)
             speed = sums[:, SPEED]
             square = 2.0 * sums[:, ENERGY] / (1.0 - restitution**2)
-            ratio = float(square.sum() / speed.sum())
+            ratio = square.sum() / speed.sum()
             rest = square - ratio * speed
-            se = float(rest.std()) / math.sqrt(run.paths) / float(speed.mean())
+            se = rest.std() / math.sqrt(run.paths) / speed.mean()
             yield Check(f"E w^2 / E w, {of}", ratio, 1.0 / (1.0 - assumed), se)
             time = run.sums.time
             gained = (1.0 + assumed) * speed / time
@@ -317,7 +317,7 @@ def noisy_oscillator(seed: int = 0, workers: int = 2) -> Found:
         truths |= {f"q{p:02d}_speed": speeds.ppf(p / 100.0) for p in PERCENTAGES}
         for quantity, truth in truths.items():
             estimate = run.estimates[quantity]
-            yield Check(f"{quantity}, eps 1", estimate.value, float(truth), estimate.se)
+            yield Check(f"{quantity}, eps 1", estimate.value, truth, estimate.se)
 
     def balances(kept: float = 1.0) -> Iterator[Check]:
         """Loss against supply; `kept` of the loss is counted."""
@@ -364,8 +364,8 @@ def random_restitution(seed: int = 0, workers: int = 2) -> Found:
         truth = truncnorm(*ends, mean, sd)
         height = truth.expect(_height)
         variance = truth.expect(lambda e: (_height(e) - height) ** 2)
-        yield Check("E y", -float(row["x1"]), height, float(row["se_x1"]))
-        yield Check("Var y", float(row["cov_x1_x1"]), variance, float(row["se_cov_x1_x1"]))
+        yield Check("E y", -row["x1"], height, row["se_x1"])
+        yield Check("Var y", row["cov_x1_x1"], variance, row["se_cov_x1_x1"])
 
     return checks(), {
         "a mean of 0.903": checks(mean=0.903),

@@ -116,7 +116,7 @@ def _laws(who: str, i: ImpactVelocities, mass: tuple[float, float], epsilon: flo
     checks = []
     for law, (mesh, violation) in laws.items():
         at_mesh = np.abs(violation[i.mesh == mesh])
-        largest = float(at_mesh.max()) if at_mesh.size else math.nan
+        largest = at_mesh.max() if at_mesh.size else math.nan
         checks.append(Check(f"{law}, {who}", largest, 0.0, slack=LAW_ROUNDING))
     return checks
 
@@ -132,7 +132,7 @@ def _energy(i: ImpactVelocities, lost: Floats, mass: tuple[float, float]) -> lis
     for mesh, energy in gone.items():
         at = i.mesh == mesh
         name = f"energy lost at mesh {mesh}, orbit"
-        checks.append(Check(name, float(lost[at].sum()), float(energy[at].sum()), slack=slack))
+        checks.append(Check(name, lost[at].sum(), energy[at].sum(), slack=slack))
     return checks
 
 
@@ -211,15 +211,15 @@ def _balance(name: str, run: LongRun, kept: float = 1.0, noise: float = 1.0) -> 
     difference = kept * lost - supplied
     work = run.sums.main[:, :, NOISE : NOISE + CONTROLS].sum(axis=1)
     difference -= (work[:, :, None] * corrections(difference[:, None], work)).sum(axis=(1, 2))
-    se = float(difference.std(ddof=1)) / math.sqrt(run.paths)
+    se = difference.std(ddof=1) / math.sqrt(run.paths)
     closed = max(
         run.estimates[f"contact_share_mesh{m}"].value for m in range(1, run.scene.stages + 1)
     )
-    found = float((supplied + difference).mean())
+    found = (supplied + difference).mean()
     scene = run.scene
     shares = [wheel.mass * (1.0 + wheel.beta**2) for wheel in scene.tree]
     power = 0.25 * scene.sigma**2 * sum(shares)  # what the noise supplies per unit of time
-    truth = float(supplied.mean()) + (noise - 1.0) * power
+    truth = supplied.mean() + (noise - 1.0) * power
     return Check(f"loss per time, {name}", found, truth, se, 2.0 * closed * power)
 
 
@@ -285,7 +285,7 @@ def impact_pair(seed: int = 0, workers: int = 2) -> Found:
         """Phase (modulo half a period) and speed of the impacts."""
         for (alpha, epsilon), a in orbits.items():
             tau, speed = symmetric_orbit(alpha, factor * epsilon)
-            phase = float((a.tau[-1] - tau + 0.5 * math.pi) % math.pi - 0.5 * math.pi)
+            phase = (a.tau[-1] - tau + 0.5 * math.pi) % math.pi - 0.5 * math.pi
             name = f"alpha {alpha}, eps {epsilon}"
             yield Check(f"phase less its truth, {name}", phase, 0.0, slack=2e-7)
             yield Check(f"speed, {name}", abs(a.before[-1, 1]), speed, slack=2e-7 * speed)
@@ -316,7 +316,7 @@ def exponent_sum(seed: int = 0, workers: int = 2) -> Found:
         for record in records:
             truth = -damping + record.rate * power * math.log(scene.epsilon)
             name = f"sum of exponents, {record.of}"
-            yield Check(name, float(record.value.sum()), truth, slack=EXPONENT_ROUNDING)
+            yield Check(name, record.value.sum(), truth, slack=EXPONENT_ROUNDING)
 
     return checks(), {
         "epsilon to the first power": checks(power=1.0),
@@ -351,7 +351,7 @@ def orbit_exponents(seed: int = 0, workers: int = 2) -> Found:
                 exact = 0.0, math.log(epsilon) / math.pi
             for i in (0, 1):
                 name = f"exponent {i + 1}, alpha {alpha}, eps {epsilon}"
-                yield Check(name, float(exponents[i]), exact[i], slack=EXPONENT_ROUNDING)
+                yield Check(name, exponents[i], exact[i], slack=EXPONENT_ROUNDING)
 
     return checks(), {
         "impacts without the saltation term": checks(saltation=False),
@@ -410,9 +410,9 @@ def gear_rattle_basins(seed: int = 0, workers: int = 2) -> Found:
 
     rng = np.random.default_rng(seed)
     three = _find_motions(GEARS, *rng.uniform(size=(2, BASIN_STARTS))) == 3.0
-    se = float(three.std()) * math.sqrt(1.0 / BASIN_STARTS + 1.0 / PIXELS**2)
+    se = three.std() * math.sqrt(1.0 / BASIN_STARTS + 1.0 / PIXELS**2)
     name = "share of starts that end in three impacts a period"
-    return [*differ(), Check(name, float(three.mean()), COLOURED_SHARE, se)], {
+    return [*differ(), Check(name, three.mean(), COLOURED_SHARE, se)], {
         "restitution 0.88": differ(replace(GEARS, epsilon=0.88)),
         "drive 5 % smaller": differ(replace(GEARS, alpha=0.95 * GEARS.alpha)),
         "drag 20 % larger": differ(replace(GEARS, gamma1=1.2 * GEARS.gamma1)),

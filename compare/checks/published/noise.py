@@ -66,7 +66,7 @@ SIDES = (0.1, 0.25, 0.5, 0.75)
 TOLERANCE_WIDTH = 0.1  # of the tolerance
 WIDTH_SDS = {
     "uniform": 1.0 / math.sqrt(3.0),
-    "normal": 0.5 * float(truncnorm(-2.0, 2.0).std()),
+    "normal": 0.5 * truncnorm(-2.0, 2.0).std(),
 }
 """Sd of a gap by its distribution, in widths of the tolerance; normal ones are cut at two sds."""
 
@@ -155,7 +155,7 @@ def exit_side(seed: int = 0, workers: int = 2) -> Found:
     for i, share in enumerate(SIDES):
         scene = particle(share, EXIT_HALF_GAP, 1.0, DRAG)
         run = simulate(scene, paths=EXIT_PATHS, impacts=1, rng=seed + i, workers=workers)
-        agreement[share] = float(run.columns["agreement"][0])
+        agreement[share] = run.columns["agreement"][0]
 
     def checks(truth: dict[float, float]) -> Iterator[Check]:
         for z, p in truth.items():
@@ -288,9 +288,7 @@ NOISY_BOUNCES = 8
 
 def check_mean(quantity: str, values: Floats, truth: float) -> Check:
     """Check the mean of independent values."""
-    return Check(
-        quantity, float(values.mean()), truth, float(values.std()) / math.sqrt(len(values))
-    )
+    return Check(quantity, values.mean(), truth, values.std() / math.sqrt(len(values)))
 
 
 def return_speed(seed: int = 0, workers: int = 2) -> Found:
@@ -332,7 +330,7 @@ def return_moments(seed: int = 0, workers: int = 2) -> Found:
 def mean_drift(epsilon: float, paths: int, bounces: int, seed: int) -> tuple[float, float]:
     """Mean change of ln speed per bounce, and its standard error."""
     whole = log_speeds(epsilon, paths, bounces, seed)[:, -1] / bounces
-    return float(whole.mean()), float(whole.std()) / math.sqrt(paths)
+    return whole.mean(), whole.std() / math.sqrt(paths)
 
 
 def critical_restitution(seed: int = 0, workers: int = 2) -> Found:
@@ -390,7 +388,7 @@ LOSSY = 0.97  # restitution of the negative control
 
 def _moment(row: Any, column: str, name: str, truth: float, slack: float = 0.0) -> Check:
     """Check a moment at a fixed time, in a row of moments."""
-    return Check(name, float(row[column]), truth, float(row["se_" + column]), slack)
+    return Check(name, row[column], truth, row["se_" + column], slack)
 
 
 def _kurtosis(name: str, found: float, truth: float = 0.0) -> Check:
@@ -426,7 +424,7 @@ def free_flight(seed: int = 0, workers: int = 2) -> Found:
     """Check the first four moments of `montecarlo.simulate` against the flow and its covariance."""
     run = _follow(SCENE, [START.tau + FREE_FLIGHT], 1, [seed, 7], workers)
     row = run.at_times().iloc[0]
-    t = float(run.fixed_times[0]) - START.tau
+    t = run.fixed_times[0] - START.tau
     names = state_names(SCENE.stages)
 
     def checks(scene: Scene = SCENE) -> Iterator[Check]:
@@ -436,12 +434,12 @@ def free_flight(seed: int = 0, workers: int = 2) -> Found:
             yield _moment(row, q, f"E {q}", truth, STEP_ERROR)
         for i, j in state_pairs(SCENE.stages):
             column = f"cov_{names[i]}_{names[j]}"
-            truth = float(covariance[i, j])
+            truth = covariance[i, j]
             yield _moment(row, column, column.replace("_", " "), truth, STEP_ERROR)
 
     def shape(skewness: float, kurtosis: float) -> Iterator[Check]:
         for q in names:
-            m2, m3, m4 = (float(_central(run, q, power)[0]) for power in (2, 3, 4))
+            m2, m3, m4 = (_central(run, q, power)[0] for power in (2, 3, 4))
             se = math.sqrt(6.0 / GAUSSIAN_PATHS)
             yield Check(f"skewness of {q}", m3 / m2**1.5, skewness, se)
             yield _kurtosis(q, m4 / m2**2 - 3.0, kurtosis)
@@ -481,7 +479,7 @@ def elastic_box(seed: int = 0, workers: int = 2) -> Found:
         run: Ensemble = run, sigma: float = UNIT_SIGMA, phase: float = 0.0
     ) -> Iterator[Check]:
         followed = run.result.sums["fixed"].n[:, state_pairs(run.scene.stages).index((1, 1))]
-        yield Check("paths followed to the end", float(followed.min()), GAUSSIAN_PATHS)
+        yield Check("paths followed to the end", followed.min(), GAUSSIAN_PATHS)
         kurtosis = _central(run, "y1", 4) / _central(run, "y1", 2) ** 2 - 3.0
         at_start = speed_variance(phase, BETA, sigma)
         rows = run.at_times().to_dict("records")

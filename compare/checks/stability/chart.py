@@ -211,7 +211,7 @@ def judge(
         diagnosed = len(run.diagnostics) > bool(diagnose_short_step(run)) + bool(
             diagnose_rare_branch(run)
         )
-        moments = 2 * sum(int(np.isfinite(unit).sum()) for unit in beside.unit.values())
+        moments = 2 * sum(np.isfinite(unit).sum() for unit in beside.unit.values())
         return Judged(*verdict, diagnosed, run.plan.paths, moments)
 
 
@@ -242,8 +242,8 @@ def _verdict(run: Ensemble, beside: Reference, z: float) -> tuple[str, float, fl
     else:
         decisive = error + half
         verdict = UNBIASED if (decisive <= 1.0).all() else CHART_UNDECIDED
-    worst = int(np.nan_to_num(decisive, nan=np.inf).argmax())
-    return verdict, float(error[worst]), float(half[worst]), where or rows[worst][2]
+    worst = np.nan_to_num(decisive, nan=np.inf).argmax()
+    return verdict, error[worst], half[worst], where or rows[worst][2]
 
 
 def _describe_instability(run: Ensemble, beside: Reference) -> str:
@@ -253,7 +253,7 @@ def _describe_instability(run: Ensemble, beside: Reference) -> str:
     if not np.isfinite(moments).all():
         return "moments are not finite"
     ours, theirs = (
-        float(np.nanmax([np.hypot(c[y], c[f"sd_{y}"]) for y in ("y1", "y2")]))
+        np.nanmax([np.hypot(c[y], c[f"sd_{y}"]) for y in ("y1", "y2")])
         for c in (run.columns, beside.columns)
     )
     if ours > FAST * theirs:
