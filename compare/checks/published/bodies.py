@@ -22,7 +22,7 @@ from scipy.interpolate import CubicSpline
 from scipy.special import erf
 from scipy.stats import kstest, norm, rayleigh, truncnorm
 
-from rattle.compare.checks.check import Check, Found
+from rattle.compare.checks.check import Check, Found, check_moment
 from rattle.compare.checks.published.noise import check_mean
 from rattle.compare.validation.validate import validate
 from rattle.montecarlo import Record, simulate
@@ -205,7 +205,7 @@ def noisy_ball(seed: int = 0, workers: int = 2) -> Found:
             for (column, name), (k, row) in product(MOMENTS.items(), enumerate(rows, start=1)):
                 of = f"{name} {k}, eps {restitution:g}, {scheme}"
                 bias = abs(row.get(f"bias_{column}", 0.0))
-                yield Check(of, row[column], truth[column][k - 1], row[f"se_{column}"], bias)
+                yield check_moment(row, column, of, truth[column][k - 1], bias)
 
     def distributions(sigma: float = 1.0) -> Iterator[Check]:
         for launched, run in exact:
@@ -365,7 +365,7 @@ def random_restitution(seed: int = 0, workers: int = 2) -> Found:
         height = truth.expect(_height)
         variance = truth.expect(lambda e: (_height(e) - height) ** 2)
         yield Check("E y", -row["x1"], height, row["se_x1"])
-        yield Check("Var y", row["cov_x1_x1"], variance, row["se_cov_x1_x1"])
+        yield check_moment(row, "cov_x1_x1", "Var y", variance)
 
     return checks(), {
         "a mean of 0.903": checks(mean=0.903),

@@ -26,7 +26,7 @@ from scipy.integrate import quad
 from scipy.special import betainc, gamma, hyp2f1
 from scipy.stats import truncnorm
 
-from rattle.compare.checks.check import Check, Found, bare
+from rattle.compare.checks.check import Check, Found, bare, check_moment
 from rattle.montecarlo import Ensemble, Record, Sampling, simulate
 from rattle.montecarlo.coupling.dyadic import (
     DEEPEST,
@@ -181,9 +181,8 @@ def random_gap(seed: int = 0, workers: int = 2) -> Found:
 
     def checks(spreads: dict[str, float], width: float = TOLERANCE_WIDTH) -> Iterator[Check]:
         for name, row in rows.items():
-            yield Check(f"mean wall, {name}", row["x1"], 0.5, row["se_x1"])
-            sd = spreads[name] * width
-            yield Check(f"sd of the wall, {name}", row["sd_x1"], sd, row["se_sd_x1"])
+            yield check_moment(row, "x1", f"mean wall, {name}", 0.5)
+            yield check_moment(row, "sd_x1", f"sd of the wall, {name}", spreads[name] * width)
 
     return checks(WIDTH_SDS), {
         "the other distribution": checks(
@@ -386,11 +385,6 @@ FOLDED_TIMES = (8.0, 8.8, 9.6)
 LOSSY = 0.97  # restitution of the negative control
 
 
-def _moment(row: Any, column: str, name: str, truth: float, slack: float = 0.0) -> Check:
-    """Check a moment at a fixed time, in a row of moments."""
-    return Check(name, row[column], truth, row["se_" + column], slack)
-
-
 def _kurtosis(name: str, found: float, truth: float = 0.0) -> Check:
     """Check the excess kurtosis of a Gaussian quantity."""
     return Check(f"kurtosis of {name}", found, truth, math.sqrt(24.0 / GAUSSIAN_PATHS))
@@ -431,11 +425,11 @@ def free_flight(seed: int = 0, workers: int = 2) -> Found:
         mean = flow(scene.constants, START.tau, scene.start_state, t)
         covariance = noise_covariance(scene.constants, START.tau, t)
         for q, truth in zip(names, mean.tolist(), strict=True):
-            yield _moment(row, q, f"E {q}", truth, STEP_ERROR)
+            yield check_moment(row, q, f"E {q}", truth, STEP_ERROR)
         for i, j in state_pairs(SCENE.stages):
             column = f"cov_{names[i]}_{names[j]}"
             truth = covariance[i, j]
-            yield _moment(row, column, column.replace("_", " "), truth, STEP_ERROR)
+            yield check_moment(row, column, column.replace("_", " "), truth, STEP_ERROR)
 
     def shape(skewness: float, kurtosis: float) -> Iterator[Check]:
         for q in names:
@@ -494,7 +488,7 @@ def elastic_box(seed: int = 0, workers: int = 2) -> Found:
                 "cov_y1_y1": ("E y^2", variance),
             }
             for column, (name, truth) in moments.items():
-                yield _moment(row, column, f"{name} at {time:.2f}", truth)
+                yield check_moment(row, column, f"{name} at {time:.2f}", truth)
             yield _kurtosis(f"y at {time:.2f}", excess)
 
     return checks(), {
