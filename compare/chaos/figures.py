@@ -64,7 +64,7 @@ def section_figure(found: Mapping[str, Section]) -> Figure:
     stages = len(one.counts)
     figure, axes = new_figure(1.0 + 3.2 * len(sections), 0.7 + 2.9 * stages, stages, len(sections))
     area = (one.flight[1] - one.flight[0]) * (one.velocity[1] - one.velocity[0])
-    highest = max(float(s.counts.max()) / (s.points * area) for s in sections if s.side != MAP)
+    highest = max(s.counts.max() / (s.points * area) for s in sections if s.side != MAP)
     for ax, (stage, s) in zip(axes, product(range(stages), sections), strict=True):
         density = s.counts[stage] / (max(s.points, 1) * area)
         image = draw_cells(ax, s.flight, s.velocity, density, LEAST_DENSITY * highest, highest)
@@ -149,7 +149,7 @@ def _lines(ax: Axes, table: pd.DataFrame, field: str) -> None:
 
 def _half_cell(at: Floats) -> float:
     """Half the width of the cells around the values of a field."""
-    return 0.5 * float(np.diff(at).min()) if at.size > 1 else 0.5
+    return 0.5 * np.diff(at).min() if at.size > 1 else 0.5
 
 
 def _mark_values(
@@ -194,7 +194,7 @@ def bifurcation_figure(
         whole = cells.sum(axis=1, keepdims=True)
         share = cells / np.where(whole > 0.0, whole, 1.0)
         if share.any():
-            highest = float(share.max())
+            highest = share.max()
             draw_cells(ax, x, factor * b.edges, share, LEAST_DENSITY * highest, highest)
         lost = np.array(b.reasons[side]) != ""
         _mark_values(ax, at, lost, "no stationary motion")

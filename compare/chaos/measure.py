@@ -61,7 +61,7 @@ def mean_maps(scene: Scene, orbit: Exponents) -> pd.DataFrame:
     is none.
     """
     along = LongOrbit(scene).stretch(IMPACTS_OF_SPREAD, tangent=False).before[:, 1]
-    spread = float(along.std()) if along.size else np.inf
+    spread = along.std() if along.size else np.inf
     walls = np.array(scene.windows) * (1.0 + 1e-9)
     rows = []
     for closure in closures_for(scene):

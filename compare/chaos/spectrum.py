@@ -53,7 +53,7 @@ class Spectrum:
     @property
     def band(self) -> tuple[Floats, Floats]:
         """95 % band of the true density, bin by bin."""
-        low, high = (float(chdtri(self.dof, 0.5 + s * CONFIDENCE)) for s in (0.5, -0.5))
+        low, high = (chdtri(self.dof, 0.5 + s * CONFIDENCE) for s in (0.5, -0.5))
         return self.power * self.dof / high, self.power * self.dof / low
 
     @cached_property
@@ -64,7 +64,7 @@ class Spectrum:
         The continuous part is assumed to be smooth over 65 bins; narrower features count as bands.
         """
         around = ndimage.median_filter(self.power, size=2 * FLOOR_BINS + 1, mode="reflect")
-        return np.asarray(around * (self.dof / float(chdtri(self.dof, 0.5))))
+        return np.asarray(around * (self.dof / chdtri(self.dof, 0.5)))
 
     @property
     def threshold(self) -> float:

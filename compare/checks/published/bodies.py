@@ -175,7 +175,7 @@ def _kolmogorov(name: str, values: Floats, below: Callable[[Any], Any]) -> Check
     """Check the Kolmogorov distance of a sample, as many standard errors as a normal deviate of its
     p-value has."""
     distance, p_value = kstest(values, below)
-    deviate = max(norm.isf(0.5 * p_value), 1e-9)
+    deviate = max(float(norm.isf(0.5 * p_value)), 1e-9)
     return Check(f"Kolmogorov distance of {name}", float(distance), 0.0, float(distance) / deviate)
 
 
