@@ -17,7 +17,7 @@ from rattle.compare.chaos.exponents import NOISY_PATH, Exponents, SqrtLaw
 from rattle.compare.chaos.measure import CLAIMED, ChaosStudy
 from rattle.compare.chaos.record import STICKS_AT_TIMES, STICKS_FOR_GOOD, STICKS_OFTEN
 from rattle.compare.chaos.section import MAP, NOISY, ORBIT_SECTION, Section
-from rattle.compare.chaos.spectrum import SEQUENCE, VELOCITY_IN_TIME, Spectrum
+from rattle.compare.chaos.spectrum import SEQUENCE, VELOCITY_IN_TIME, Spectra, Spectrum
 from rattle.compare.chaos.sweep import WITH_NOISE, WITHOUT_NOISE, Bifurcation
 from rattle.compare.report.style import SYMBOL, axis_label, legend_above, new_figure, new_panels
 from rattle.scene import Bools, Floats, Gears
@@ -84,7 +84,7 @@ def section_figure(found: Mapping[str, Section]) -> Figure:
     return figure
 
 
-def spectrum_figure(found: Mapping[tuple[str, str, str], Spectrum]) -> Figure:
+def spectrum_figure(found: Spectra) -> Figure:
     """Draw the spectra of both sides with their 95 % bands, floors and lines (Fig. 3 of the
     paper)."""
     names = list(dict.fromkeys(name for _, _, name in found))

@@ -27,7 +27,7 @@ from rattle.compare.chaos.exponents import (
 )
 from rattle.compare.chaos.record import leave_out
 from rattle.compare.chaos.section import Section, sections
-from rattle.compare.chaos.spectrum import Spectrum, spectra
+from rattle.compare.chaos.spectrum import Spectra, spectra
 from rattle.compare.chaos.sweep import Bifurcation, FieldSweep
 from rattle.compare.report.json_text import Facts
 from rattle.compare.report.texts import read_texts
@@ -100,7 +100,7 @@ class ChaosStudy:
     drift: Exponents
     maps: pd.DataFrame  # as of `mean_maps`
     sections: dict[str, Section]  # as of `rattle.compare.chaos.section.sections`
-    spectra: dict[tuple[str, str, str], Spectrum]  # as of `rattle.compare.chaos.spectrum.spectra`
+    spectra: Spectra  # as of `rattle.compare.chaos.spectrum.spectra`
     law: SqrtLaw | None  # the measured square-root law
     finite_size: pd.DataFrame | None  # as of `rattle.compare.chaos.exponents.finite_size`
     field: str  # field of the sweep

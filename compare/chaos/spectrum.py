@@ -8,7 +8,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 import pandas as pd
@@ -133,6 +133,10 @@ class Spectrum:
         }
 
 
+Spectra: TypeAlias = dict[tuple[str, str, str], Spectrum]
+"""By side, kind and velocity."""
+
+
 def welch(pieces: Sequence[Floats], segment: int, rate: float) -> Spectrum:
     """Estimate the spectrum of a record by Welch's method: Hann windows that overlap by half,
     averaged over all pieces.
@@ -169,7 +173,7 @@ def spectra(
     seed: int = 0,
     workers: int = 2,
     missing: dict[str, str] | None = None,
-) -> dict[tuple[str, str, str], Spectrum]:
+) -> Spectra:
     """Estimate the spectra of the velocities of the orbit and of the noisy system.
 
     `impacts`: Impacts of the orbit; the noisy paths have at least as many together, and more where
@@ -192,7 +196,7 @@ def spectra(
         pieces = [(s.before[:, 1::2], velocity) for s, velocity in record]
         return map(np.concatenate, zip(*pieces, strict=True))
 
-    power: dict[tuple[str, str, str], Spectrum] = {}
+    power: Spectra = {}
     for side, pieces_of in (
         (ORBIT_SECTION, orbit),
         (NOISY, lambda: in_threads(workers, noisy, range(SPECTRUM_PATHS))),
@@ -211,7 +215,7 @@ def spectra(
 
 
 def spectra_tables(
-    power: dict[tuple[str, str, str], Spectrum],
+    power: Spectra,
 ) -> tuple[pd.DataFrame, pd.DataFrame, pd.DataFrame]:
     """Convert spectra to tables.
 

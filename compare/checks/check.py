@@ -71,7 +71,8 @@ def check_moment(row: Any, column: str, quantity: str, truth: float, slack: floa
     return Check(quantity, row[column], truth, row[f"se_{column}"], slack)
 
 
-Found: TypeAlias = tuple[Iterable[Check], Mapping[str, Iterable[Check]]]
+Checks: TypeAlias = Iterable[Check]
+Found: TypeAlias = tuple[Checks, Mapping[str, Checks]]
 """Checks of a subject, and its negative controls by what their error is: checks with a deliberate
 error, of which at least one must fail."""
 

@@ -14,7 +14,6 @@ Wagemakers, "The Basins Zoo" (2025), arXiv:2504.01580.
 """
 
 import math
-from collections.abc import Iterator
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -22,7 +21,7 @@ import numpy as np
 
 from rattle.closure.stationary import linear_law
 from rattle.compare.chaos.exponents import drift_exponents, lyapunov
-from rattle.compare.checks.check import Check, Found, bare
+from rattle.compare.checks.check import Check, Checks, Found, bare
 from rattle.compare.report.texts import read_file
 from rattle.montecarlo import SCHEMES, Record, simulate
 from rattle.montecarlo.long_run import LongRun, long_run
@@ -136,7 +135,7 @@ def _energy(i: ImpactVelocities, lost: Floats, mass: tuple[float, float]) -> lis
     return checks
 
 
-def impact_laws(seed: int = 0, workers: int = 2) -> Found:
+def impact_laws(seed: int, workers: int) -> Found:
     """Check momentum, restitution and energy of the impacts at both meshes, of the orbit and of
     every scheme."""
     scene = Scene.from_gears(TWO_STAGES)
@@ -160,7 +159,7 @@ def impact_laws(seed: int = 0, workers: int = 2) -> Found:
     }
 
 
-def bouncing_ball(seed: int = 0, workers: int = 2) -> Found:
+def bouncing_ball(seed: int, workers: int) -> Found:
     """Check flights and time to rest of one stage under constant drag, for the orbit and for a
     simulated path.
 
@@ -181,7 +180,7 @@ def bouncing_ball(seed: int = 0, workers: int = 2) -> Found:
         "exact-flight": (np.append(0.0, run.raw[0, :, 0]), CLOSE_TO_WALL * PAIR_HALF_GAP),
     }
 
-    def checks(epsilon: float = EPSILON) -> Iterator[Check]:
+    def checks(epsilon: float = EPSILON) -> Checks:
         """Worst flight time, and the time to rest."""
         first = 2.0 * epsilon * START_SPEED / GAMMA
         for who, (tau, close) in sides.items():
@@ -223,7 +222,7 @@ def _balance(name: str, run: LongRun, kept: float = 1.0, noise: float = 1.0) -> 
     return Check(f"loss per time, {name}", found, truth, se, 2.0 * closed * power)
 
 
-def energy_law(seed: int = 0, workers: int = 2) -> Found:
+def energy_law(seed: int, workers: int) -> Found:
     """Check the energy balance of eight long runs, driven and not, of one stage and of two."""
     runs = {
         name: long_run(
@@ -271,7 +270,7 @@ def _pair(alpha: float, epsilon: float, sigma: float = 0.0) -> Scene:
     return bare(alpha=alpha, epsilon=epsilon, gap1=PAIR_HALF_GAP, sigma=sigma)
 
 
-def impact_pair(seed: int = 0, workers: int = 2) -> Found:
+def impact_pair(seed: int, workers: int) -> Found:
     """Check phase and speed of the impacts of three symmetric orbits, and the sds that weak noise
     gives them."""
     orbits = {case: attractor(_pair(*case)) for case in CASES}
@@ -281,7 +280,7 @@ def impact_pair(seed: int = 0, workers: int = 2) -> Found:
         noisy, periods=CHECKED_PERIODS, paths=CHECK_PATHS, rng=seed, workers=workers
     ).estimates
 
-    def states(factor: float = 1.0) -> Iterator[Check]:
+    def states(factor: float = 1.0) -> Checks:
         """Phase (modulo half a period) and speed of the impacts."""
         for (alpha, epsilon), a in orbits.items():
             tau, speed = symmetric_orbit(alpha, factor * epsilon)
@@ -290,7 +289,7 @@ def impact_pair(seed: int = 0, workers: int = 2) -> Found:
             yield Check(f"phase less its truth, {name}", phase, 0.0, slack=2e-7)
             yield Check(f"speed, {name}", abs(a.before[-1, 1]), speed, slack=2e-7 * speed)
 
-    def spreads(factor: float = 1.0) -> Iterator[Check]:
+    def spreads(factor: float = 1.0) -> Checks:
         for q in ("sd_speed", "sd_flight"):
             truth = factor * math.sqrt((law.weight * getattr(law, q) ** 2).sum()) / WEAK
             name = f"{q} / sigma, alpha {CASES[0][0]}, eps {CASES[0][1]}"
@@ -302,7 +301,7 @@ def impact_pair(seed: int = 0, workers: int = 2) -> Found:
     }
 
 
-def exponent_sum(seed: int = 0, workers: int = 2) -> Found:
+def exponent_sum(seed: int, workers: int) -> Found:
     """Check the sum of the four exponents of DAT21: of the orbit, and of the drift along a noisy
     path."""
     scene = Scene.from_gears(DAT21)
@@ -312,7 +311,7 @@ def exponent_sum(seed: int = 0, workers: int = 2) -> Found:
     )
     both = scene.beta1 + scene.beta2
 
-    def checks(power: float = 2.0, damping: float = both) -> Iterator[Check]:
+    def checks(power: float = 2.0, damping: float = both) -> Checks:
         for record in records:
             truth = -damping + record.rate * power * math.log(scene.epsilon)
             name = f"sum of exponents, {record.of}"
@@ -339,12 +338,12 @@ def _exponents(alpha: float, epsilon: float) -> tuple[float, float]:
     return math.log(first) / math.pi, math.log(second) / math.pi
 
 
-def orbit_exponents(seed: int = 0, workers: int = 2) -> Found:
+def orbit_exponents(seed: int, workers: int) -> Found:
     """Check both exponents of three symmetric orbits: the tangent frames through flights and
     impacts."""
     computed = {case: lyapunov(_pair(*case), impacts=PAIR_IMPACTS).value for case in IMPACT_PAIRS}
 
-    def checks(factor: float = 1.0, saltation: bool = True) -> Iterator[Check]:
+    def checks(factor: float = 1.0, saltation: bool = True) -> Checks:
         for (alpha, epsilon), exponents in computed.items():
             exact = _exponents(alpha, factor * epsilon)
             if not saltation:  # an impact takes (dx, dy) to (dx, -epsilon dy)
@@ -396,7 +395,7 @@ def _find_motions(scene: Scene, across: Floats, up: Floats, phase: float = math.
     return np.array([_impacts_a_period(scene, Start(phase, *state)) for state in starts])
 
 
-def gear_rattle_basins(seed: int = 0, workers: int = 2) -> Found:
+def gear_rattle_basins(seed: int, workers: int) -> Found:
     """Check from which starts each of two coexisting motions is reached, and the share of all
     starts."""
     figure = np.array([list(line) for line in FIGURE.split()])
