@@ -235,7 +235,7 @@ def signs(rows: pd.DataFrame) -> Ints:
     Returns: 1 or -1; 0 if the widened interval contains zero, or there is none. Shapes: result
     (rows,).
     """
-    wider = float(ndtri(0.5 * (1.0 - CONFIDENCE) / len(rows)) / ndtri(0.5 * (1.0 - CONFIDENCE)))
+    wider = ndtri(0.5 * (1.0 - CONFIDENCE) / len(rows)) / ndtri(0.5 * (1.0 - CONFIDENCE))
     middle = 0.5 * (rows["high"] + rows["low"])
     half = 0.5 * wider * (rows["high"] - rows["low"])
     return np.where(middle - half > 0.0, 1, np.where(middle + half < 0.0, -1, 0))

@@ -17,7 +17,7 @@ from rattle.compare.chaos.exponents import NOISY_PATH, Exponents, SqrtLaw
 from rattle.compare.chaos.measure import CLAIMED, ChaosStudy
 from rattle.compare.chaos.record import STICKS_AT_TIMES, STICKS_FOR_GOOD, STICKS_OFTEN
 from rattle.compare.chaos.section import MAP, NOISY, ORBIT_SECTION, Section
-from rattle.compare.chaos.spectrum import SEQUENCE, VELOCITY_IN_TIME, Spectrum
+from rattle.compare.chaos.spectrum import SEQUENCE, VELOCITY_IN_TIME, Spectra, Spectrum
 from rattle.compare.chaos.sweep import WITH_NOISE, WITHOUT_NOISE, Bifurcation
 from rattle.compare.report.style import SYMBOL, axis_label, legend_above, new_figure, new_panels
 from rattle.scene import Bools, Floats, Gears
@@ -64,7 +64,7 @@ def section_figure(found: Mapping[str, Section]) -> Figure:
     stages = len(one.counts)
     figure, axes = new_figure(1.0 + 3.2 * len(sections), 0.7 + 2.9 * stages, stages, len(sections))
     area = (one.flight[1] - one.flight[0]) * (one.velocity[1] - one.velocity[0])
-    highest = max(float(s.counts.max()) / (s.points * area) for s in sections if s.side != MAP)
+    highest = max(s.counts.max() / (s.points * area) for s in sections if s.side != MAP)
     for ax, (stage, s) in zip(axes, product(range(stages), sections), strict=True):
         density = s.counts[stage] / (max(s.points, 1) * area)
         image = draw_cells(ax, s.flight, s.velocity, density, LEAST_DENSITY * highest, highest)
@@ -84,7 +84,7 @@ def section_figure(found: Mapping[str, Section]) -> Figure:
     return figure
 
 
-def spectrum_figure(found: Mapping[tuple[str, str, str], Spectrum]) -> Figure:
+def spectrum_figure(found: Spectra) -> Figure:
     """Draw the spectra of both sides with their 95 % bands, floors and lines (Fig. 3 of the
     paper)."""
     names = list(dict.fromkeys(name for _, _, name in found))
@@ -149,7 +149,7 @@ def _lines(ax: Axes, table: pd.DataFrame, field: str) -> None:
 
 def _half_cell(at: Floats) -> float:
     """Half the width of the cells around the values of a field."""
-    return 0.5 * float(np.diff(at).min()) if at.size > 1 else 0.5
+    return 0.5 * np.diff(at).min() if at.size > 1 else 0.5
 
 
 def _mark_values(
@@ -194,7 +194,7 @@ def bifurcation_figure(
         whole = cells.sum(axis=1, keepdims=True)
         share = cells / np.where(whole > 0.0, whole, 1.0)
         if share.any():
-            highest = float(share.max())
+            highest = share.max()
             draw_cells(ax, x, factor * b.edges, share, LEAST_DENSITY * highest, highest)
         lost = np.array(b.reasons[side]) != ""
         _mark_values(ax, at, lost, "no stationary motion")

@@ -10,7 +10,6 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -28,8 +27,9 @@ from rattle.compare.chaos.exponents import (
 )
 from rattle.compare.chaos.record import leave_out
 from rattle.compare.chaos.section import Section, sections
-from rattle.compare.chaos.spectrum import Spectrum, spectra
+from rattle.compare.chaos.spectrum import Spectra, spectra
 from rattle.compare.chaos.sweep import Bifurcation, FieldSweep
+from rattle.compare.report.json_text import Facts
 from rattle.compare.report.texts import read_texts
 from rattle.montecarlo.kernel.blocks import Budget
 from rattle.scene import Scene
@@ -61,11 +61,11 @@ def mean_maps(scene: Scene, orbit: Exponents) -> pd.DataFrame:
     is none.
     """
     along = LongOrbit(scene).stretch(IMPACTS_OF_SPREAD, tangent=False).before[:, 1]
-    spread = float(along.std()) if along.size else np.inf
+    spread = along.std() if along.size else np.inf
     walls = np.array(scene.windows) * (1.0 + 1e-9)
     rows = []
     for closure in closures_for(scene):
-        row: dict[str, Any] = {"closure": closure, **MAPS[closure], "followed": 0}
+        row: Facts = {"closure": closure, **MAPS[closure], "followed": 0}
         # the means of `published` have dynamics of their own, different from the orbit's
         if closure != "published":
             row |= zip(("largest", "low", "high"), orbit.largest, strict=True)
@@ -100,7 +100,7 @@ class ChaosStudy:
     drift: Exponents
     maps: pd.DataFrame  # as of `mean_maps`
     sections: dict[str, Section]  # as of `rattle.compare.chaos.section.sections`
-    spectra: dict[tuple[str, str, str], Spectrum]  # as of `rattle.compare.chaos.spectrum.spectra`
+    spectra: Spectra  # as of `rattle.compare.chaos.spectrum.spectra`
     law: SqrtLaw | None  # the measured square-root law
     finite_size: pd.DataFrame | None  # as of `rattle.compare.chaos.exponents.finite_size`
     field: str  # field of the sweep

@@ -10,6 +10,7 @@ from rattle.compare.chaos.measure import ChaosStudy
 from rattle.compare.chaos.record import STICKS_AT_TIMES, STICKS_FOR_GOOD, STICKS_OFTEN
 from rattle.compare.chaos.spectrum import spectra_tables
 from rattle.compare.judge.verdict import join_words
+from rattle.compare.report.json_text import Facts
 from rattle.compare.report.render import render_sentences
 from rattle.compare.report.report import Report
 from rattle.compare.report.texts import (
@@ -61,7 +62,7 @@ def chaos_tables(study: ChaosStudy) -> dict[str, pd.DataFrame]:
     return found
 
 
-def make_report(found: ChaosStudy, record: dict[str, Any]) -> Report:
+def make_report(found: ChaosStudy, record: Facts) -> Report:
     """The report on a study of chaos."""
     tables = chaos_tables(found)
     known = tables["exponents"]
@@ -85,7 +86,7 @@ def make_report(found: ChaosStudy, record: dict[str, Any]) -> Report:
     )
 
 
-def _count(study: ChaosStudy, of: str, who: str) -> dict[str, Any]:
+def _count(study: ChaosStudy, of: str, who: str) -> Facts:
     """At how many values of the field the largest exponent has which sign, and the motion
     sticks."""
     table = study.sweep

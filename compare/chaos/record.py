@@ -153,12 +153,12 @@ def _measure_sticking(scene: Scene) -> tuple[float, str]:
     orbit = follow(scene, TRIAL)
     if orbit.stopped:
         return math.nan, STICKS_FOR_GOOD
-    end = float(orbit.tau[-1])
+    end = orbit.tau[-1]
     closed = [
         sum(min(s.opened, end) - s.closed for s in orbit.sticking if s.mesh == mesh)
         for mesh in range(1, scene.stages + 1)
     ]
-    return max(closed) / (end - float(orbit.tau[0])), STICKS_OFTEN
+    return max(closed) / (end - orbit.tau[0]), STICKS_OFTEN
 
 
 def _accumulating(s: Stretch) -> int:
@@ -168,7 +168,7 @@ def _accumulating(s: Stretch) -> int:
     speed = np.abs(s.before[:, 2 * abs(last) - 1])
     same = np.flatnonzero((s.code == last) & (speed > SLOWEST_IN_CHATTER))
     rising = np.flatnonzero(np.diff(speed[same]) >= 0.0)
-    return int(same[rising[-1] + 1]) if rising.size else 0
+    return same[rising[-1] + 1] if rising.size else 0
 
 
 def noisy_record(

@@ -94,7 +94,7 @@ def frame(scene: Scene, seed: int) -> tuple[Floats, Floats]:
     velocity = np.concatenate([s.before[:, 1::2].ravel() for s in pilot])
     low, high = np.quantile(velocity, [1e-4, 1.0 - 1e-4])
     room = AXIS_MARGIN * (high - low)
-    longest = (1.0 + AXIS_MARGIN) * float(np.quantile(flight, 1.0 - 1e-4))
+    longest = (1.0 + AXIS_MARGIN) * np.quantile(flight, 1.0 - 1e-4)
     flight_edges, velocity_edges = np.linspace(
         [0.0, low - room], [longest, high + room], SECTION_BINS + 1, axis=1
     )

@@ -8,7 +8,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 import pandas as pd
@@ -17,6 +17,7 @@ from scipy.special import chdtri
 
 from rattle.compare.chaos.record import NoRecord, in_threads, leave_out, read_orbit, read_path
 from rattle.compare.chaos.section import NOISY, ORBIT_SECTION
+from rattle.compare.report.json_text import Facts
 from rattle.montecarlo.coupling.dyadic import step_time
 from rattle.montecarlo.statistics.intervals import CONFIDENCE
 from rattle.scene import Floats, Scene
@@ -52,7 +53,7 @@ class Spectrum:
     @property
     def band(self) -> tuple[Floats, Floats]:
         """95 % band of the true density, bin by bin."""
-        low, high = (float(chdtri(self.dof, 0.5 + s * CONFIDENCE)) for s in (0.5, -0.5))
+        low, high = (chdtri(self.dof, 0.5 + s * CONFIDENCE) for s in (0.5, -0.5))
         return self.power * self.dof / high, self.power * self.dof / low
 
     @cached_property
@@ -63,7 +64,7 @@ class Spectrum:
         The continuous part is assumed to be smooth over 65 bins; narrower features count as bands.
         """
         around = ndimage.median_filter(self.power, size=2 * FLOOR_BINS + 1, mode="reflect")
-        return np.asarray(around * (self.dof / float(chdtri(self.dof, 0.5))))
+        return np.asarray(around * (self.dof / chdtri(self.dof, 0.5)))
 
     @property
     def threshold(self) -> float:
@@ -116,7 +117,7 @@ class Spectrum:
         return pd.DataFrame(columns | {"floor": self.floor})
 
     @property
-    def summary(self) -> dict[str, Any]:
+    def summary(self) -> Facts:
         """Power, lines, and how sure they are; the continuous part is what lies outside the
         lines."""
         floor_share = 1.0 - self.lines["share"].sum()
@@ -130,6 +131,10 @@ class Spectrum:
             "dof": self.dof,
             "segments": self.segments,
         }
+
+
+Spectra: TypeAlias = dict[tuple[str, str, str], Spectrum]
+"""By side, kind and velocity."""
 
 
 def welch(pieces: Sequence[Floats], segment: int, rate: float) -> Spectrum:
@@ -168,7 +173,7 @@ def spectra(
     seed: int = 0,
     workers: int = 2,
     missing: dict[str, str] | None = None,
-) -> dict[tuple[str, str, str], Spectrum]:
+) -> Spectra:
     """Estimate the spectra of the velocities of the orbit and of the noisy system.
 
     `impacts`: Impacts of the orbit; the noisy paths have at least as many together, and more where
@@ -191,7 +196,7 @@ def spectra(
         pieces = [(s.before[:, 1::2], velocity) for s, velocity in record]
         return map(np.concatenate, zip(*pieces, strict=True))
 
-    power: dict[tuple[str, str, str], Spectrum] = {}
+    power: Spectra = {}
     for side, pieces_of in (
         (ORBIT_SECTION, orbit),
         (NOISY, lambda: in_threads(workers, noisy, range(SPECTRUM_PATHS))),
@@ -210,7 +215,7 @@ def spectra(
 
 
 def spectra_tables(
-    power: dict[tuple[str, str, str], Spectrum],
+    power: Spectra,
 ) -> tuple[pd.DataFrame, pd.DataFrame, pd.DataFrame]:
     """Convert spectra to tables.
 

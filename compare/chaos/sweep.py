@@ -27,6 +27,7 @@ from rattle.compare.chaos.section import (
 )
 from rattle.compare.engine.run import obtain_all
 from rattle.compare.engine.store import Cell, Content
+from rattle.compare.report.json_text import Facts
 from rattle.montecarlo.kernel.blocks import Blocks, Budget
 from rattle.montecarlo.long_run import AtRest, BurnInError, long_run
 from rattle.montecarlo.looks import order_ends_first
@@ -74,7 +75,7 @@ class AtValue(Cell):
     seed: int
 
     @property
-    def settings(self) -> dict[str, Any]:
+    def settings(self) -> Facts:
         """Everything that determines the result besides the scene."""
         return {"kind": self.group} | {
             f.name: getattr(self, f.name) for f in fields(self) if f.name not in ("scene", "value")
@@ -95,7 +96,7 @@ class ExponentsAt(AtValue):
     width: float
     longest: int  # impacts of a record
 
-    def evaluate(self, blocks: Blocks | None = None) -> tuple[pd.DataFrame, dict[str, Any]]:
+    def evaluate(self, blocks: Blocks | None = None) -> tuple[pd.DataFrame, Facts]:
         """Measure them."""
         scene = self.scene
         orbit = lyapunov(scene, width=self.width, longest=self.longest).table[:1]
@@ -126,7 +127,7 @@ class VelocitiesAt(AtValue):
 
     points: int
 
-    def evaluate(self, blocks: Blocks | None = None) -> tuple[pd.DataFrame, dict[str, Any]]:
+    def evaluate(self, blocks: Blocks | None = None) -> tuple[pd.DataFrame, Facts]:
         """Record them; the facts say why there are none."""
         path = Regime()
         record = noisy_record(self.scene, self.seed, path, impacts=self.points, tangent=False)

@@ -66,7 +66,13 @@ class Check(NamedTuple):
         return self._asdict() | {"z": self.z}
 
 
-Found: TypeAlias = tuple[Iterable[Check], Mapping[str, Iterable[Check]]]
+def check_moment(row: Any, column: str, quantity: str, truth: float, slack: float = 0.0) -> Check:
+    """Check a moment in a row of moments, whose standard error stands beside it."""
+    return Check(quantity, row[column], truth, row[f"se_{column}"], slack)
+
+
+Checks: TypeAlias = Iterable[Check]
+Found: TypeAlias = tuple[Checks, Mapping[str, Checks]]
 """Checks of a subject, and its negative controls by what their error is: checks with a deliberate
 error, of which at least one must fail."""
 

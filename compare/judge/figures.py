@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from rattle.compare.judge.verdict import JUDGED, Tolerances
-from rattle.compare.report.style import ACCURATE_COLOUR, STYLE, SYMBOL, legend_above, new_figure
+from rattle.compare.report.style import ACCURATE_COLOUR, STYLE, SYMBOL, legend_above, new_panels
 
 LINEAR_ERRORS = 0.1  # the axis of errors is linear up to this many sds, logarithmic beyond
 PANELS_IN_A_ROW = 4
@@ -63,18 +63,15 @@ def draw_errors(found: Any) -> Figure:
     table = table.assign(at=table[found.label].map(numbers).astype(float))
     panels = list(dict.fromkeys(zip(table["moment"], table["quantity"], strict=True)))
     in_a_row = PANELS_IN_A_ROW if len(panels) > PANELS_IN_A_ROW else FEW_IN_A_ROW
-    columns = max(min(len(panels), in_a_row), 1)
-    rows = max(-(-len(panels) // columns), 1)
-    figure, axes = new_figure(3.4 * columns + 0.6, 1.0 + 2.5 * rows, rows, columns)
+    figure, axes = new_panels(max(len(panels), 1), in_a_row, 3.4, 2.5, beside=0.6, above=1.0)
+    axes[0].set_visible(bool(panels))
     for ax, panel in zip(axes, panels, strict=False):
         error_panel(ax, table, panel, found.closures, found.tolerances, "counts as accurate")
         unit = "error / sd" if panel[0] in ("mean", "sd") else "error"
         ax.set(xlim=(0.5, len(labels) + 0.5), xlabel=found.label, ylabel=unit)
         shown = range(0, len(labels), max(len(labels) // 6, 1))
         ax.set_xticks([at + 1 for at in shown], [_short(labels[at]) for at in shown])
-    for ax in axes[len(panels) :]:
-        ax.set_visible(False)
-    legend_above(figure, axes[: max(len(panels), 1)], 5)
+    legend_above(figure, axes, 5)
     return figure
 
 

@@ -214,7 +214,7 @@ def _make_reference(
         places = [(read.names.index(a), read.names.index(b)) for a, b in moments.pairs]
         of_path = _read_groups(groups, read)
         rows = reduce_samples(read, coarse, moments.moments, places, of_path)
-        own_labels = _labels_for(predictions, read, int(rows["row"].max()) + 1)
+        own_labels = _labels_for(predictions, read, rows["row"].max() + 1)
         rows = rows.assign(row=own_labels[rows["row"].to_numpy()]).rename(columns={"row": label})
     else:
         if groups is not None:

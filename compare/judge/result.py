@@ -151,7 +151,7 @@ class Judgement(Verdicts):
             most_paths=MOST_PATHS_TOLD,
             closures={name: self._summarise(name) for name in self.closures},
             bias=(bias / first["unit"]).max(),
-            biased=int((1.5 * bias > first["tolerance"]).sum()),
+            biased=(1.5 * bias > first["tolerance"]).sum(),
             rows=len(first),
             unseen=min(UNSEEN_PATHS / max(paths.min(), 1.0), 1.0),
             reached=self.table.groupby(self.label, sort=False)["paths"].min(),
@@ -167,13 +167,13 @@ class Judgement(Verdicts):
         share = (wrong["error"] / wrong["tolerance"]).abs()
         return {
             "moments": len(judged),
-            "good": int(accurate.sum()),
+            "good": accurate.sum(),
             "bad": len(wrong),
             "undecided": len(undecided),
             "needed": undecided["paths_needed"].max(),
             "labels": list(by_row.index),
             "reach": unbroken(by_row.index, by_row),
-            "worst": wrong.iloc[int(share.argmax())].to_dict() if len(wrong) else None,
+            "worst": wrong.iloc[share.argmax()].to_dict() if len(wrong) else None,
         }
 
     def __repr__(self) -> str:

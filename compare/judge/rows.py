@@ -67,11 +67,6 @@ class NamedSection(NamedTuple):
     section: pd.DataFrame
 
 
-def moment_columns(rows: pd.DataFrame) -> pd.Series:
-    """The name of the column in which a table of predictions has the moment of each row."""
-    return rows["moment"].map(PREFIX) + rows["quantity"]
-
-
 def compare_rows(
     predictions: Sequence[Claimed], reference: pd.DataFrame, tolerances: Tolerances, label: str
 ) -> pd.DataFrame:
@@ -89,7 +84,7 @@ def compare_rows(
     rows = reference.assign(
         tolerance=np.maximum(of_moment * reference["unit"], reference["still"]).astype(float)
     )
-    column = moment_columns(reference)
+    column = reference["moment"].map(PREFIX) + reference["quantity"]  # of the predictions
     parts = [
         rows.assign(
             closure=prediction.closure,

@@ -88,12 +88,18 @@ def new_figure(width: float, height: float, rows: int, columns: int) -> tuple[Fi
 
 
 def new_panels(
-    number: int, most_columns: int, width: float, height: float
+    number: int,
+    most_columns: int,
+    width: float,
+    height: float,
+    beside: float = 0.0,
+    above: float = 0.0,
 ) -> tuple[Figure, list[Axes]]:
-    """A figure of some panels of one size, in rows of so many at most."""
+    """A figure of some panels of one size, in rows of so many at most, with room for labels beside
+    them and for a legend above."""
     columns = min(number, most_columns)
     rows = -(-number // columns)
-    figure, axes = new_figure(width * columns, height * rows, rows, columns)
+    figure, axes = new_figure(beside + width * columns, above + height * rows, rows, columns)
     for ax in axes[number:]:
         ax.set_visible(False)
     return figure, axes[:number]

@@ -195,7 +195,7 @@ def look_until_decided(
         needed = table.loc[table["verdict"] == Verdict.UNDECIDED, "paths_needed"].max()
         # once a row is inaccurate the test fails as it is
         failed = (table["verdict"] == Verdict.INACCURATE).any()
-        looks.expect(math.nan if failed else float(needed))
+        looks.expect(math.nan if failed else needed)
     assert table is not None
     return table, tuple(runs)
 

@@ -15,6 +15,7 @@ import tomli_w
 from rattle.compare.judge.rows import NamedSection
 from rattle.compare.judge.verdict import Verdict
 from rattle.compare.report.folder import write_whole
+from rattle.compare.report.json_text import Facts
 from rattle.compare.thresholds import messages
 from rattle.compare.thresholds.claim import Claim
 from rattle.compare.thresholds.decision import (
@@ -39,13 +40,13 @@ def baseline_path(module: Path, test: str) -> Path:
     return module.parent / "baselines" / module.stem / f"{name}.toml"
 
 
-def baseline_content(prediction: NamedSection, claim: Claim) -> dict[str, Any]:
+def baseline_content(prediction: NamedSection, claim: Claim) -> Facts:
     """Build the content of a baseline."""
     values = prediction.section[list(claim.columns)].astype(float).rename(str).to_dict()
     return {"values": values, **claim.scene.phase_reduced.to_dict()}
 
 
-def read_baseline(path: Path) -> dict[str, Any]:
+def read_baseline(path: Path) -> Facts:
     """Read a recorded baseline."""
     remedy = "restore it, or remove and record it"
     try:

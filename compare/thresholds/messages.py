@@ -178,10 +178,10 @@ def error_figure(table: pd.DataFrame, model: str) -> "Figure":
                 color=colour,
                 label=str(verdict),
             )
-    reach = float(np.nanmax(rows[["low", "high", "tolerance"]].abs()))
+    reach = np.nanmax(rows[["low", "high", "tolerance"]].abs())
     room = 1.15
     if reach > WIDE * allowed.min():
-        ax.set_xscale("symlog", linthresh=2.0 * float(allowed.max()), linscale=2.0)
+        ax.set_xscale("symlog", linthresh=2.0 * allowed.max(), linscale=2.0)
         room = 2.0
     ax.axvline(0.0, color="0.3", lw=0.8)
     symbols = rows.assign(quantity=rows["quantity"].map(SYMBOL))

@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from itertools import product
+from operator import attrgetter
 from typing import NamedTuple, TypeVar
 
 import numpy as np
@@ -148,7 +149,7 @@ class CostModel:
         `accuracy`: Error that with 95 % probability no section mean or sd exceeds, in sds.
         """
         room = 0.5 * accuracy if self.bias else accuracy
-        run = max(self.best, self.shared or self.best, key=lambda run: run.paths)
+        run = max(self.best, self.shared or self.best, key=attrgetter("paths"))
         paths = count_to(run, room)
         dt = min(self.first.dt, room / self.bias) if self.bias else self.first.dt
         path_seconds = self.path_seconds + self.step_seconds * self.steps(dt)
@@ -320,12 +321,6 @@ def _measure_point(
     return measured, run
 
 
-def find_plain(runs: Sequence[Ensemble]) -> Ensemble:
-    """The largest run of plain paths: what paths near rare branches need says nothing of schemes
-    that have none."""
-    return max((run for run in runs if run.plan.mixture is None), key=lambda run: run.paths)
-
-
 def _moments(scene: Scene) -> list[str]:
     """Columns of every section mean and sd of a scene."""
     return [prefix + q for q in section_names(scene.stages) for prefix in ("", "sd_")]
@@ -362,8 +357,8 @@ def closure_points(
         seen = np.isfinite(error)
         error = error[seen]
         noise = half[seen]
-        worst = int(error.argmax())
-        resolved = bool(error[worst] > noise[worst])
+        worst = error.argmax()
+        resolved = error[worst] > noise[worst]
         yield CostPoint(
             closure,
             "closure",
@@ -371,11 +366,11 @@ def closure_points(
             dt=math.nan,
             paths=0,
             core_seconds=seconds,
-            sampling_error=float(noise[worst]),
+            sampling_error=noise[worst],
             step_error=0.0,
-            error=float(error[worst] if resolved else (error + noise).max()),
+            error=error[worst] if resolved else (error + noise).max(),
             measured=True,
-            median_error=float(np.median(error)),
+            median_error=np.median(error),
             resolved=resolved,
             rows=error.size,
             work=closure_seconds(prediction),
@@ -389,7 +384,7 @@ def _compare(
     from the model."""
     if run is None or run.paths >= reference.paths:
         return [point]
-    actual = float(np.nanmax(_errors(run.section, reference)))
+    actual = np.nanmax(_errors(run.section, reference))
     point = point._replace(actual_error=actual)
     if actual <= point.accuracy * (1.0 + math.sqrt(run.paths / reference.paths)):
         return [point]
@@ -449,7 +444,7 @@ def slope(points: pd.DataFrame, method: str, measured: bool) -> tuple[float, int
     if len(rows) < 2:
         return math.nan, len(rows)
     power, _ = np.polyfit(np.log(rows["accuracy"]), np.log(rows["core_seconds"]), 1)
-    return float(power), len(rows)
+    return power, len(rows)
 
 
 def measure(
@@ -483,9 +478,10 @@ def measure(
     with ProgressBar(label="accuracy", total=len(SCHEMES) * len(accuracies), unit="point") as bar:
         for scheme in (exact, *euler):
             model = models[scheme] = CostModel.from_pilots(scene, scheme, again, allowance.timings)
-            model.shared = find_plain(
-                [models[exact].first, *(run for _, run in runs[exact] if run)]
-            )
+            shared = [models[exact].first, *(run for _, run in runs[exact] if run)]
+            # what paths near rare branches need says nothing of schemes that have none
+            plain = (run for run in shared if run.plan.mixture is None)
+            model.shared = max(plain, key=attrgetter("paths"))
             for accuracy in accuracies:
                 bar.set_postfix_str(f"{scheme}, {accuracy:g}")
                 runs[scheme].append(_measure_point(model, accuracy, allowance, asked))

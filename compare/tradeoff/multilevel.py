@@ -66,7 +66,7 @@ def fit(level: "Floats | pd.Series", value: "Floats | pd.Series") -> Rate:
     """
     line = stats.linregress(level, np.log2(value))
     half = float(line.stderr * stats.t.isf(0.025, level.size - 2)) if level.size > 2 else math.inf
-    return Rate(float(line.slope), half, float(line.intercept))
+    return Rate(line.slope, half, line.intercept)
 
 
 class MultilevelCost(NamedTuple):
@@ -233,7 +233,7 @@ def _fit_rates(table: pd.DataFrame, single: Floats, paths: int) -> Levels:
     )
     noise = np.sqrt(fine["variance_median"] / paths)
     clear = fine[(fine["mean_median"] > 3.0 * noise) | (fine["level"] == FITTED_FROM)]
-    intercept = float((np.log2(clear["mean_median"]) - alpha.slope * clear["level"]).mean())
+    intercept = (np.log2(clear["mean_median"]) - alpha.slope * clear["level"]).mean()
     typical_alpha = alpha._replace(intercept=intercept)
     return Levels(table, single, alpha, beta, gamma, typical_alpha, typical_beta)
 
@@ -298,11 +298,11 @@ def control_table(
         for moment, prefix in (("means", "se_"), ("sds", "se_sd_")):
             names = [prefix + q for q in quantities]
             ratios = (before[names] / after[names]).to_numpy()[usable] ** 2
-            row[f"{moment}_median"] = float(np.median(ratios))
-            row[f"{moment}_smallest"] = float(ratios.min())
+            row[f"{moment}_median"] = np.median(ratios)
+            row[f"{moment}_smallest"] = ratios.min()
         plan = timed[-2][0].plan
         for moment, gain in zip(("means", "sds"), antithetic_gain(plan), strict=True):
-            row[f"antithetic_{moment}"] = float(np.median(gain[usable]))
+            row[f"antithetic_{moment}"] = np.median(gain[usable])
         rows.append({**row, "time_ratio": min(seconds[1::2]) / min(seconds[::2])})
     return pd.DataFrame(rows)
 

@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 
 from rattle.compare.judge.verdict import join_words, span
+from rattle.compare.report.json_text import Facts
 from rattle.compare.report.render import render_sentences
 from rattle.compare.report.report import Report
 from rattle.compare.report.table import Table, TableCell
@@ -33,18 +34,18 @@ from rattle.montecarlo.settings import EXACT_SCHEME
 from rattle.scene import duration_text
 
 EULER_MARUYAMA = "euler-maruyama"
-Costs: TypeAlias = list[dict[str, Any]]
+Costs: TypeAlias = list[Facts]
 """What each accuracy costs, from the roughest to the finest, as `_list_costs` gives it."""
 
 
-def cheapest(points: pd.DataFrame, accuracy: float) -> dict[str, Any]:
+def cheapest(points: pd.DataFrame, accuracy: float) -> Facts:
     """The method of least counted work for an accuracy, of schemes and of closures that predict all
     moments so well."""
     able: Any = points.query(
         "kind == 'scheme' and accuracy == @accuracy and not missed"
         " or kind == 'closure' and error <= @accuracy and rows == rows.max()"
     )
-    best: dict[str, Any] = able.nsmallest(1, "work").to_dict("records")[0]
+    best: Facts = able.nsmallest(1, "work").to_dict("records")[0]
     return best
 
 
@@ -102,7 +103,7 @@ def answer(m: Tradeoff, costs: Costs) -> list[str]:
 TRADEOFF_WORDS = (*CLOSURE_TERMS, *SECTION_TERMS, *SCHEME_TERMS, "standard error", "σ")
 
 
-def _parts(m: Tradeoff, costs: Costs) -> dict[str, Any]:
+def _parts(m: Tradeoff, costs: Costs) -> Facts:
     """The tables and words of the page, by name."""
     p = m.points
     p = p.assign(
@@ -124,7 +125,7 @@ def _parts(m: Tradeoff, costs: Costs) -> dict[str, Any]:
         row[f"{EXACT_SCHEME} {how}"] = f"{cost['control']:.2g}"
         row[f"{EXACT_SCHEME} without"] = f"{cost['plain']:.2g}"
         means.append(row)
-    parts: dict[str, Any] = {
+    parts: Facts = {
         "cheapest": pd.DataFrame([cheapest(p, a) | {"asked": a} for a in m.accuracies]),
         "points": p.query("kind == 'scheme'"),
         "slopes": pd.DataFrame(
@@ -191,7 +192,7 @@ def orders_said(table: pd.DataFrame) -> list[str]:
     )
 
 
-def make_report(m: Tradeoff, record: dict[str, Any]) -> Report:
+def make_report(m: Tradeoff, record: Facts) -> Report:
     """The report on a trade-off."""
     costs = _list_costs(m)
     *sentences, multilevel = answer(m, costs)

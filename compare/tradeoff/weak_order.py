@@ -69,7 +69,7 @@ def find_settled(
     error = np.sqrt((se**2).sum(axis=0)) / len(bias)
     sign = np.sign(mean) * (np.abs(mean) > np.maximum(3.0 * error, STILL))
     turning = sign[1:] * sign[:-1] < 0.0
-    turns = int(turning.any(axis=0).sum())
+    turns = turning.any(axis=0).sum()
     settled = (math.nan, math.nan, math.nan)
     if len(steps) > 2 and not turning[-2:].any():
         finest = (bias[:, -3:], se[:, -3:])
@@ -114,7 +114,7 @@ def _jackknife(value: Callable[[Floats, Floats], Any], bias: Floats, se: Floats)
     """A value of the replicates, and the half width of its interval, from leaving out each."""
     n = len(bias)
     without = [value(np.delete(bias, i, axis=0), np.delete(se, i, axis=0)) for i in range(n)]
-    widening = float(stdtrit(n - 1, 0.5 + 0.5 * CONFIDENCE))
+    widening = stdtrit(n - 1, 0.5 + 0.5 * CONFIDENCE)
     return value(bias, se), widening * np.sqrt((n - 1) * np.var(without, axis=0))
 
 

@@ -159,7 +159,7 @@ def itinerary_sentence(validity: pd.DataFrame, impacts: int) -> list[str]:
             unbroken(at.index, at[name] == impacts) for name in ("itinerary_accurate", "accurate")
         )
         if on is not None:
-            leaving = float(at["leaving"].loc[on])
+            leaving = at["leaving"].loc[on]
             reaches[closure] = {"sigma": on, "all_paths": all_paths, "leaving": leaving}
     least = validity.groupby("sigma")["leaving"].min()
     return render_sentences(

@@ -233,11 +233,11 @@ def _why(v: Comparison, closure: str, impact: int) -> tuple[str, str]:
     worst = _worst(v, closure, impact)
     if prediction.trace.parts is not None:
         why = f"{worst}: {CAUSES['mixture']}"
-        lost = float(prediction.section["discarded"].loc[impact])
+        lost = prediction.section["discarded"].loc[impact]
         if lost >= 5e-4:
             why += f", and {lost:.1%} of the probability was discarded so far"
         return "mixture", why
-    agreement = float(v.run.agreement[closure].loc[impact])
+    agreement = v.run.agreement[closure].loc[impact]
     limit = prediction.method.limit
     if agreement < (OFF_ITINERARY if limit == "second order" else DIVERGED):
         return "off itinerary", f"{worst}: {1.0 - agreement:.2%} of the {CAUSES['off itinerary']}"
@@ -253,7 +253,7 @@ def _worst(v: Comparison, closure: str, impact: int) -> str:
     rows = rows.query("impact == @impact and verdict == 'inaccurate'")
     if rows.empty:
         return f"nothing to compare at impact {impact}"
-    row = rows.iloc[int((rows["error"] / rows["tolerance"]).abs().argmax())]
+    row = rows.iloc[(rows["error"] / rows["tolerance"]).abs().argmax()]
     return f"{row['moment']} of {row['quantity']} wrong at impact {impact}"
 
 
@@ -265,7 +265,7 @@ def _slowest(prediction: MeanMap, impact: int) -> tuple[int, float] | None:
     speed = np.abs(prediction.trace.mean[numbers, column])
     sd = prediction.trace.sd[numbers, column + 2]
     slow = np.flatnonzero((speed < SLOW_SPEED * sd) & (SLOW_SPEED * sd < np.inf))
-    return (int(slow[0]) + 1, float(speed[slow[0]] / sd[slow[0]])) if slow.size else None
+    return (slow[0] + 1, speed[slow[0]] / sd[slow[0]]) if slow.size else None
 
 
 WANTED = 0.01  # accuracy, in sds, for which the cost of a simulation is stated
@@ -331,7 +331,7 @@ def measure_speed(v: Comparison, closure: str) -> Speed | None:
         return None
     errors = rows["error"].abs() / rows["unit"]
     worst = float(errors.max())
-    row = rows.iloc[int(errors.argmax())]
+    row = rows.iloc[errors.argmax()]
     own = prediction.method.own
     if own:  # again: its first call may have compiled something
         prediction = predict(v.scene, prediction.method, reached, prediction.order)
@@ -344,8 +344,8 @@ def measure_speed(v: Comparison, closure: str) -> Speed | None:
         v.scene.sigma,
         reached,
         worst,
-        median=float(errors.median()),
-        resolved=bool(row["low"] > 0.0 or row["high"] < 0.0),
+        median=errors.median(),
+        resolved=row["low"] > 0.0 or row["high"] < 0.0,
         closure_seconds=seconds,
         paths=cheapest.paths,
         simulation_seconds=cost,

@@ -199,14 +199,10 @@ def validity_figure(table: pd.DataFrame, impacts: int) -> Figure:
     """Impact up to which each closure is accurate and not shown wrong, over sigma, a panel for each
     closure."""
     closures = list(table["closure"].unique())
-    columns = min(len(closures), 2)
-    rows = -(-len(closures) // columns)
-    figure, axes = new_figure(4.7 * columns, 1.3 + 2.3 * rows, rows, columns)
-    for number, (closure, ax) in enumerate(zip(closures, axes, strict=False)):
+    figure, axes = new_panels(len(closures), 2, 4.7, 2.3, above=1.3)
+    for number, (closure, ax) in enumerate(zip(closures, axes, strict=True)):
         _panel(ax, table[table["closure"] == closure].sort_values("sigma"), closure, impacts)
-        ax.set_ylabel("" if number % columns else "impact")
-    for ax in axes[len(closures) :]:
-        ax.set_visible(False)
+        ax.set_ylabel("" if number % 2 else "impact")
     accurate = table["accurate"]
     not_inaccurate = table["not_inaccurate"]
     open_area: Any = {"facecolor": "none", "edgecolor": "0.35", "hatch": "////"}

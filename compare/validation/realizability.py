@@ -67,17 +67,17 @@ def distances(masses: Floats, counts: Ints) -> Distances:
     sqrt(n), conservative on bins; ``total_variation_floor`` the expected value for a sample of the
     true density. Shapes: `masses` (bins + 2,); `counts` (bins + 2,).
     """
-    n = int(counts.sum())
+    n = counts.sum()
     shares = counts / n
     gap = masses - shares
     # A count is binomial, nearly normal: E|N(0, s^2)| = s sqrt(2/pi) with s^2 = p (1 - p) / n, and
     # half of the sum. The sampled shares stand for the unknown p.
     tv_floor = np.sqrt(shares * (1.0 - shares) / (2.0 * np.pi * n)).sum()
     return Distances(
-        float(np.abs(np.cumsum(gap)[:-1]).max()),
-        float(kolmogi(1.0 - KOLMOGOROV_CONFIDENCE) / np.sqrt(n)),
-        float(0.5 * np.abs(gap).sum()),
-        float(tv_floor),
+        np.abs(np.cumsum(gap)[:-1]).max(),
+        kolmogi(1.0 - KOLMOGOROV_CONFIDENCE) / np.sqrt(n),
+        0.5 * np.abs(gap).sum(),
+        tv_floor,
     )
 
 
@@ -111,15 +111,15 @@ def section_distances(prediction: MeanMap, run: Ensemble) -> pd.DataFrame:
     for impact in range(1, min(prediction.trace.found, run.impacts) + 1):
         for quantity in find_varying(predicted, impact):
             density = partial(prediction.density, impact, quantity)
-            mean, sd = (float(predicted[prefix + quantity].loc[impact]) for prefix in ("", "sd_"))
+            mean, sd = (predicted[prefix + quantity].loc[impact] for prefix in ("", "sd_"))
             counts = histograms.counts[impact - 1, names.index(quantity)]
             # paths at the wall, except for a few that struck elsewhere
-            paths = int(counts.sum())
+            paths = counts.sum()
             is_atom = counts.max() > ATOM * paths
             varies = quantity in find_varying(sampled, impact)
             if is_atom or not varies or density(np.array([mean])) is None:
                 continue
-            seen = [float(sampled[prefix + quantity].loc[impact]) for prefix in ("", "sd_")]
+            seen = [sampled[prefix + quantity].loc[impact] for prefix in ("", "sd_")]
             true_mean, true_sd = limit.get((impact, quantity), seen)
             edges, _ = histograms.density(impact, quantity)
             shifted = true_mean + (edges - seen[0]) * (true_sd / seen[1])
@@ -182,7 +182,7 @@ def covariance_eigenvalue(covariance: Floats) -> float:
     if not np.isfinite(covariance).all():
         return NAN
     # with zero variances no covariance is possible, so the largest covariance sets the scale
-    scale = float(np.abs(covariance.diagonal()).max()) or float(np.abs(covariance).max()) or 1.0
+    scale = np.abs(covariance.diagonal()).max() or np.abs(covariance).max() or 1.0
     return float(np.linalg.eigvalsh(covariance / scale)[0])
 
 
@@ -203,9 +203,7 @@ def kurtosis_margin(raw: Floats) -> Statistic:
             with np.errstate(over="ignore", invalid="ignore"):
                 kurtosis = m4 / m2 / m2
                 square = (m3 / m2**1.5) ** 2
-            margins.append(
-                Statistic(float(kurtosis - square - 1.0), float(max(abs(kurtosis), square, 1.0)))
-            )
+            margins.append(Statistic(kurtosis - square - 1.0, max(abs(kurtosis), square, 1.0)))
     return min(margins, key=lambda m: m.value, default=Statistic(NAN))
 
 
@@ -237,7 +235,7 @@ def moment_matrix_eigenvalue(raw: Floats) -> Statistic:
         )
     if not np.isfinite(matrix).all():
         return Statistic(NAN)
-    return Statistic(float(np.linalg.eigvalsh(matrix)[0]), float(np.abs(matrix.diagonal()).max()))
+    return Statistic(np.linalg.eigvalsh(matrix)[0], np.abs(matrix.diagonal()).max())
 
 
 def negative_mass(values: Floats, spacing: float) -> float:
@@ -265,13 +263,11 @@ def _section_negative_mass(prediction: MeanMap, impact: int) -> Statistic:
     table = prediction.phase_reduced.section
     masses = []
     for quantity in find_varying(table, impact):
-        mean, sd, skew = (
-            float(table[prefix + quantity].loc[impact]) for prefix in ("", "sd_", "skew_")
-        )
+        mean, sd, skew = (table[prefix + quantity].loc[impact] for prefix in ("", "sd_", "skew_"))
         grid = mean + sd * np.linspace(-NEGATIVE_REACH, NEGATIVE_REACH, NEGATIVE_POINTS)
         density = prediction.density(impact, quantity, grid)
         if density is not None and np.isfinite(skew):
-            masses.append(negative_mass(density, float(grid[1] - grid[0])))
+            masses.append(negative_mass(density, grid[1] - grid[0]))
     return Statistic(max(masses, default=NAN))
 
 
@@ -287,8 +283,8 @@ def _statistics(prediction: MeanMap, impact: int) -> Iterator[tuple[int, str, St
         raw = prediction.trace.raw[impact, stage - 1]
         known = np.isfinite(covariance).all()
         statistics = {
-            "variance of displacement": Statistic(float(covariance[0, 0])),
-            "variance of velocity": Statistic(float(covariance[1, 1])),
+            "variance of displacement": Statistic(covariance[0, 0]),
+            "variance of velocity": Statistic(covariance[1, 1]),
             "|rho|": Statistic(abs(correlation(covariance)) if known else NAN),
             "covariance eigenvalue": Statistic(covariance_eigenvalue(covariance)),
             "kurtosis": kurtosis_margin(raw),

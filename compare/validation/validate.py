@@ -366,4 +366,4 @@ def _largest(table: pd.DataFrame, column: str) -> list[float]:
     judged."""
     rows = table[table["judged"] & (table["unit"] > 0.0)]
     shares = rows[column].abs() / rows["unit"]
-    return [float(shares[rows["moment"] == moment].max()) for moment in ("mean", "sd")]
+    return [shares[rows["moment"] == moment].max() for moment in ("mean", "sd")]

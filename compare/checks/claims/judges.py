@@ -162,7 +162,7 @@ def solvable(e: Evidence) -> Judged:
             # Fisher's z
             error = abs(np.arctanh(rho) - np.arctanh(correlation(q[xy, xy])))
             beyond = (error - step_bias / (1.0 - rho**2)) / row[f"se_z_rho{stage}"]
-            worst = max(worst, float(beyond))
+            worst = max(worst, beyond)
     allowed = widest(2 * len(fixed))
     verdict = NOT_REPRODUCED if worst <= allowed else CLAIM_UNDECIDED
     return verdict, {
@@ -202,8 +202,8 @@ def not_gaussian(e: Evidence) -> Judged:
     rows = []
     for v in e.validations:
         skew, se = v.run.section[["skew_tau", "se_skew_tau"]].to_numpy(float).T
-        worst = int(np.abs(skew).argmax())
-        beyond = int((np.abs(skew) > z * se).sum())
+        worst = np.abs(skew).argmax()
+        beyond = (np.abs(skew) > z * se).sum()
         rows.append((v.scene.sigma, beyond, len(skew), skew[worst], 1.96 * se[worst]))
     shown = any(beyond for _, beyond, *_ in rows)
     return REPRODUCED if shown else CLAIM_UNDECIDED, {"rows": rows, "z": z}
@@ -216,7 +216,7 @@ def stages_apart(e: Evidence) -> Judged:
         columns = ["cov_y1_y2", "se_cov_y1_y2", "cov_y1_y1", "cov_y2_y2"]
         covariance, se, variance1, variance2 = v.run.at_times()[columns].to_numpy(float).T
         rho = covariance / np.sqrt(variance1 * variance2)
-        beyond = int((np.abs(covariance) > widest(len(rho)) * se).sum())
+        beyond = (np.abs(covariance) > widest(len(rho)) * se).sum()
         rows.append((v.scene.sigma, beyond, len(rho), rho[np.abs(rho).argmax()]))
     coupled = any(beyond for _, beyond, *_ in rows)
     return NOT_REPRODUCED if coupled else CLAIM_UNDECIDED, {"rows": rows}
@@ -231,8 +231,7 @@ def describes(e: Evidence) -> Judged:
     noise = [v.scene.sigma for v in e.validations]
     shares = {
         closure: [
-            (float((kinds == Verdict.ACCURATE).mean()), s)
-            for kinds, s in zip(at, noise, strict=True)
+            ((kinds == Verdict.ACCURATE).mean(), s) for kinds, s in zip(at, noise, strict=True)
         ]
         for closure, at in verdicts.items()
     }
@@ -259,7 +258,7 @@ def counter_meshes(e: Evidence) -> Judged:
 def fuzzy(e: Evidence) -> Judged:
     """Judge Fig. 2: the mean Poincaré map is a fuzzy set of points."""
     counts = {side: section.counts[0] for side, section in e.chaos.sections.items()}
-    filled = {side: int((bins > 0).sum()) for side, bins in counts.items()}
+    filled = {side: (bins > 0).sum() for side, bins in counts.items()}
     orbit = filled.get("orbit", 0)
     verdict = CLAIM_UNDECIDED if orbit > FINITE else NOT_REPRODUCED
     if orbit > max(FINITE, FUZZY * filled["noisy system"]):

@@ -7,7 +7,7 @@ from dataclasses import replace
 from fractions import Fraction
 from functools import partial
 from itertools import product
-from typing import Any
+from typing import Any, TypeAlias
 
 import mpmath as mp
 import numpy as np
@@ -33,6 +33,8 @@ from rattle.scene import (
     state_names,
 )
 from rattle.scene.tangent import Stretch
+
+Errors: TypeAlias = Iterator[float]
 
 EXTREME_IMPACTS = 3
 # powers of two as factors on the lengths of DAT21: half gaps of 7e-9, 6e-5 and 8e3
@@ -85,7 +87,7 @@ def _verdicts(scene: Scene) -> np.ndarray:
     return found.table["verdict"].to_numpy(str)
 
 
-def unit_of_length() -> Iterator[float]:
+def unit_of_length() -> Errors:
     """All lengths, speeds, accelerations and the noise times a power of two: every table scales bit
     for bit."""
     tables = _tables(_scene())
@@ -102,7 +104,7 @@ def unit_of_length() -> Iterator[float]:
         yield float((_verdicts(scene) != verdicts).sum())
 
 
-def whole_periods() -> Iterator[float]:
+def whole_periods() -> Errors:
     """A start so late that its absolute time lacks the digits of a flight, compared with the same
     phase near 0."""
     for tau in START_TIMES:
@@ -111,7 +113,7 @@ def whole_periods() -> Iterator[float]:
             yield farthest(found, table, np.maximum(table.abs(), 1.0))
 
 
-def proportional_sds() -> Iterator[float]:
+def proportional_sds() -> Errors:
     """Sds of the linear closures are proportional to the noise intensity."""
     for name in ("corrected", "saltation"):
 
@@ -124,14 +126,14 @@ def proportional_sds() -> Iterator[float]:
             yield farthest(sds(sigma), exact, np.maximum(exact, 1e-13 * sigma))
 
 
-def phases() -> Iterator[float]:
+def phases() -> Errors:
     """The phase of a late start."""
     starts = [s * 10.0**k for k in range(1, 12) for s in (1.0, -1.0, 3.7, 10.0)]
     exact = np.array([_exact_phase(t) for t in starts])
     yield farthest([_scene(t).phase for t in starts], exact, np.abs(exact))
 
 
-def absolute_times() -> Iterator[float]:
+def absolute_times() -> Errors:
     """Absolute times are the local ones plus that of the start, rounded once; verdicts do not
     depend on the start."""
     for tau in START_TIMES:
@@ -157,7 +159,7 @@ def _stretches(orbit: long_orbit.LongOrbit, impacts: int) -> Iterator[Stretch]:
         yield orbit.stretch(STRETCH_IMPACTS, tangent=False)
 
 
-def energy() -> Iterator[float]:
+def energy() -> Errors:
     """Elastic impacts at both meshes without excitation, damping or drag conserve energy."""
     start = Start(0.0, 0.1, 1.3, -0.2, -0.7)
     mu = 0.6
@@ -173,7 +175,7 @@ def energy() -> Iterator[float]:
         yield 0.0 if len(s.flight) == STRETCH_IMPACTS else math.inf
 
 
-def elastic_flights() -> Iterator[float]:
+def elastic_flights() -> Errors:
     """Elastic impacts at one mesh: every flight takes gap over speed, and the phase is the sum of
     the flights."""
     speed = 1.7
@@ -187,7 +189,7 @@ def elastic_flights() -> Iterator[float]:
         yield abs(math.remainder(k * STRETCH_IMPACTS * flight - s.phase[-1], 2.0 * math.pi))
 
 
-def periodic_motion() -> Iterator[float]:
+def periodic_motion() -> Errors:
     """A periodic motion with one impact per period of the excitation, whose phase and speed are
     known in closed form.
 
@@ -205,7 +207,7 @@ def periodic_motion() -> Iterator[float]:
     scene = bare(alpha=alpha, epsilon=epsilon, gamma1=gamma, gap1=gap, start=start)
     orbit = long_orbit.LongOrbit(scene)
     for s in _stretches(orbit, LONG_RUN_PERIODS):
-        yield float(np.abs(np.angle(np.exp(1j * (s.phase - phase)))).max())
+        yield np.abs(np.angle(np.exp(1j * (s.phase - phase)))).max()
         yield farthest(s.before[:, 1], -y0 / epsilon, 1.0)
         yield farthest(s.flight, 2.0 * math.pi)
         yield 0.0 if len(s.flight) == STRETCH_IMPACTS else math.inf
@@ -231,7 +233,7 @@ FREE_DAMPINGS = (0.0, 1e-3, 0.1, 1.0, 10.0, 100.0, 1e3)
 FREE_STEPS = (1 / 8, 1.0)  # in units of the longest admissible one
 
 
-def free_covariance() -> Iterator[float]:
+def free_covariance() -> Errors:
     """Sds of exact flights without walls, from a phase at which the noise is not modulated yet;
     with the half widths of their intervals."""
     gears = Scene.from_gears(DAT21, sigma=0.3)
@@ -259,7 +261,7 @@ def free_covariance() -> Iterator[float]:
                 yield abs(error) + z * row[f"se_cov_{q}_{q}"] / (2.0 * variance)
 
 
-def exit_times() -> Iterator[float]:
+def exit_times() -> Errors:
     """Mean exit times of a randomly accelerated particle from the middle and from a tenth of a
     gap."""
     schemes = (("euler-maruyama-located", 1e-3), ("exact-flight", 0.3))
@@ -273,7 +275,7 @@ def exit_times() -> Iterator[float]:
         yield check.z
 
 
-def collapse_drift() -> Iterator[float]:
+def collapse_drift() -> Errors:
     """Drift of ln speed per bounce, below and above the restitution at which a noisy particle
     collapses."""
     for n, epsilon in enumerate((1e-9, 0.1, math.exp(-noise.MEAN), 1.0)):
@@ -281,7 +283,7 @@ def collapse_drift() -> Iterator[float]:
         yield abs(drift - math.log(epsilon) - noise.MEAN) / se
 
 
-def stay_between_walls() -> Iterator[float]:
+def stay_between_walls() -> Errors:
     """Paths that collapse onto a wall, or stick to it, stay between the walls and reach the end."""
     for epsilon, sigma, scheme in product((0.0, 0.05, 0.163, 1.0), (1e-3, 1.0, 1e3), SCHEMES):
         scene = Scene.from_gears(replace(DAT21, epsilon=epsilon), sigma=sigma)
@@ -297,13 +299,13 @@ def stay_between_walls() -> Iterator[float]:
             record=Record(times=fixed, raw=True),
         )
         means = run.at_times()[["x1", "x2"]].abs().to_numpy()
-        over = max(float(means.max()), _reach(run)) - 0.5
+        over = max(means.max(), _reach(run)) - 0.5
         beyond = SCHEMES[scheme].detects_at_end
         unit = 0.5 + (10.0 + 5.0 * sigma * math.sqrt(dt)) * dt * 1e9 * beyond
         yield max(over, 0.0) / unit if len(means) == len(fixed) else math.inf
 
 
-def sticking_paths() -> Iterator[float]:
+def sticking_paths() -> Errors:
     """Under drag a path completes its chatter at the time of the bouncing ball, and sticks from
     then on."""
     for gap in (1e-8, 0.5, 1e4):
@@ -330,13 +332,13 @@ def sticking_paths() -> Iterator[float]:
                 # largest speed of the plain scheme, which detects a wall at the end of a step
                 bounce = 2.0 * drag * dt
                 yield farthest(row["x1"], gap, gap + drag * dt * dt)
-                yield max(abs(float(row["y1"])) / bounce - 1.0, 0.0)
+                yield max(abs(row["y1"]) / bounce - 1.0, 0.0)
             for name in ("corrected", "saltation"):
                 m = closure.mean_map(scene.with_sigma(1e-3 * gap), impacts=200, closure=name)
                 yield 0.0 if m.stopped or m.trace.found == 200 else math.inf
 
 
-def large_tolerances() -> Iterator[float]:
+def large_tolerances() -> Errors:
     """Tolerances as large as the gap: a fixed one equals a wider gap; with random ones no path is
     beyond its walls."""
     for gap in (1e-8, 0.5, 1e4):
@@ -371,7 +373,7 @@ def large_tolerances() -> Iterator[float]:
 PULLS = (0.01, 1.0, 100.0)  # accelerations by drag, in half gaps per unit of time squared
 
 
-def grazing() -> Iterator[float]:
+def grazing() -> Errors:
     """A parabolic flight ``y t + drag t^2 / 2`` whose apex passes or misses a wall by a small
     fraction of the gap."""
     shares = np.outer(np.geomspace(1e-12, 1e-1, 7), [1.0, -1.0]).ravel().tolist()
@@ -391,7 +393,7 @@ def grazing() -> Iterator[float]:
         yield farthest(t, exact, exact + gap / speed) if met else math.inf
 
 
-def simultaneous() -> Iterator[float]:
+def simultaneous() -> Errors:
     """Simultaneous impacts at both meshes: mesh 1 comes first, then mesh 2 with the velocity left
     by it."""
     for gap in (2.0**-27, 0.5, 2.0**13):
@@ -411,7 +413,7 @@ def simultaneous() -> Iterator[float]:
             yield from (farthest(side[name] / gap, lengths[name]) for name in lengths)
 
 
-def chatter_time() -> Iterator[float]:
+def chatter_time() -> Errors:
     """A ball that falls from the middle of the gap completes its chatter after ``(1 + eps) / (1 -
     eps)`` fall times."""
     for gap, pull, epsilon in product(
@@ -423,7 +425,7 @@ def chatter_time() -> Iterator[float]:
         yield farthest(np.ravel(phases), [exact, math.inf], exact) if phases else math.inf
 
 
-def sticking_end() -> Iterator[float]:
+def sticking_end() -> Errors:
     """A mesh that drag keeps closed opens when the driver's acceleration exceeds the drag."""
     shares = (0.3, 0.9, 0.999)  # drag over the largest acceleration of the driver
     for size, share, beta in product((2.0**-26, 1.0, 2.0**13), shares, (0.0, 1e-6, 1e-3, 1.0)):

@@ -14,7 +14,6 @@ Wagemakers, "The Basins Zoo" (2025), arXiv:2504.01580.
 """
 
 import math
-from collections.abc import Iterator
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -22,7 +21,7 @@ import numpy as np
 
 from rattle.closure.stationary import linear_law
 from rattle.compare.chaos.exponents import drift_exponents, lyapunov
-from rattle.compare.checks.check import Check, Found, bare
+from rattle.compare.checks.check import Check, Checks, Found, bare
 from rattle.compare.report.texts import read_file
 from rattle.montecarlo import SCHEMES, Record, simulate
 from rattle.montecarlo.long_run import LongRun, long_run
@@ -116,7 +115,7 @@ def _laws(who: str, i: ImpactVelocities, mass: tuple[float, float], epsilon: flo
     checks = []
     for law, (mesh, violation) in laws.items():
         at_mesh = np.abs(violation[i.mesh == mesh])
-        largest = float(at_mesh.max()) if at_mesh.size else math.nan
+        largest = at_mesh.max() if at_mesh.size else math.nan
         checks.append(Check(f"{law}, {who}", largest, 0.0, slack=LAW_ROUNDING))
     return checks
 
@@ -132,11 +131,11 @@ def _energy(i: ImpactVelocities, lost: Floats, mass: tuple[float, float]) -> lis
     for mesh, energy in gone.items():
         at = i.mesh == mesh
         name = f"energy lost at mesh {mesh}, orbit"
-        checks.append(Check(name, float(lost[at].sum()), float(energy[at].sum()), slack=slack))
+        checks.append(Check(name, lost[at].sum(), energy[at].sum(), slack=slack))
     return checks
 
 
-def impact_laws(seed: int = 0, workers: int = 2) -> Found:
+def impact_laws(seed: int, workers: int) -> Found:
     """Check momentum, restitution and energy of the impacts at both meshes, of the orbit and of
     every scheme."""
     scene = Scene.from_gears(TWO_STAGES)
@@ -160,7 +159,7 @@ def impact_laws(seed: int = 0, workers: int = 2) -> Found:
     }
 
 
-def bouncing_ball(seed: int = 0, workers: int = 2) -> Found:
+def bouncing_ball(seed: int, workers: int) -> Found:
     """Check flights and time to rest of one stage under constant drag, for the orbit and for a
     simulated path.
 
@@ -181,7 +180,7 @@ def bouncing_ball(seed: int = 0, workers: int = 2) -> Found:
         "exact-flight": (np.append(0.0, run.raw[0, :, 0]), CLOSE_TO_WALL * PAIR_HALF_GAP),
     }
 
-    def checks(epsilon: float = EPSILON) -> Iterator[Check]:
+    def checks(epsilon: float = EPSILON) -> Checks:
         """Worst flight time, and the time to rest."""
         first = 2.0 * epsilon * START_SPEED / GAMMA
         for who, (tau, close) in sides.items():
@@ -211,19 +210,19 @@ def _balance(name: str, run: LongRun, kept: float = 1.0, noise: float = 1.0) -> 
     difference = kept * lost - supplied
     work = run.sums.main[:, :, NOISE : NOISE + CONTROLS].sum(axis=1)
     difference -= (work[:, :, None] * corrections(difference[:, None], work)).sum(axis=(1, 2))
-    se = float(difference.std(ddof=1)) / math.sqrt(run.paths)
+    se = difference.std(ddof=1) / math.sqrt(run.paths)
     closed = max(
         run.estimates[f"contact_share_mesh{m}"].value for m in range(1, run.scene.stages + 1)
     )
-    found = float((supplied + difference).mean())
+    found = (supplied + difference).mean()
     scene = run.scene
     shares = [wheel.mass * (1.0 + wheel.beta**2) for wheel in scene.tree]
     power = 0.25 * scene.sigma**2 * sum(shares)  # what the noise supplies per unit of time
-    truth = float(supplied.mean()) + (noise - 1.0) * power
+    truth = supplied.mean() + (noise - 1.0) * power
     return Check(f"loss per time, {name}", found, truth, se, 2.0 * closed * power)
 
 
-def energy_law(seed: int = 0, workers: int = 2) -> Found:
+def energy_law(seed: int, workers: int) -> Found:
     """Check the energy balance of eight long runs, driven and not, of one stage and of two."""
     runs = {
         name: long_run(
@@ -271,7 +270,7 @@ def _pair(alpha: float, epsilon: float, sigma: float = 0.0) -> Scene:
     return bare(alpha=alpha, epsilon=epsilon, gap1=PAIR_HALF_GAP, sigma=sigma)
 
 
-def impact_pair(seed: int = 0, workers: int = 2) -> Found:
+def impact_pair(seed: int, workers: int) -> Found:
     """Check phase and speed of the impacts of three symmetric orbits, and the sds that weak noise
     gives them."""
     orbits = {case: attractor(_pair(*case)) for case in CASES}
@@ -281,16 +280,16 @@ def impact_pair(seed: int = 0, workers: int = 2) -> Found:
         noisy, periods=CHECKED_PERIODS, paths=CHECK_PATHS, rng=seed, workers=workers
     ).estimates
 
-    def states(factor: float = 1.0) -> Iterator[Check]:
+    def states(factor: float = 1.0) -> Checks:
         """Phase (modulo half a period) and speed of the impacts."""
         for (alpha, epsilon), a in orbits.items():
             tau, speed = symmetric_orbit(alpha, factor * epsilon)
-            phase = float((a.tau[-1] - tau + 0.5 * math.pi) % math.pi - 0.5 * math.pi)
+            phase = (a.tau[-1] - tau + 0.5 * math.pi) % math.pi - 0.5 * math.pi
             name = f"alpha {alpha}, eps {epsilon}"
             yield Check(f"phase less its truth, {name}", phase, 0.0, slack=2e-7)
             yield Check(f"speed, {name}", abs(a.before[-1, 1]), speed, slack=2e-7 * speed)
 
-    def spreads(factor: float = 1.0) -> Iterator[Check]:
+    def spreads(factor: float = 1.0) -> Checks:
         for q in ("sd_speed", "sd_flight"):
             truth = factor * math.sqrt((law.weight * getattr(law, q) ** 2).sum()) / WEAK
             name = f"{q} / sigma, alpha {CASES[0][0]}, eps {CASES[0][1]}"
@@ -302,7 +301,7 @@ def impact_pair(seed: int = 0, workers: int = 2) -> Found:
     }
 
 
-def exponent_sum(seed: int = 0, workers: int = 2) -> Found:
+def exponent_sum(seed: int, workers: int) -> Found:
     """Check the sum of the four exponents of DAT21: of the orbit, and of the drift along a noisy
     path."""
     scene = Scene.from_gears(DAT21)
@@ -312,11 +311,11 @@ def exponent_sum(seed: int = 0, workers: int = 2) -> Found:
     )
     both = scene.beta1 + scene.beta2
 
-    def checks(power: float = 2.0, damping: float = both) -> Iterator[Check]:
+    def checks(power: float = 2.0, damping: float = both) -> Checks:
         for record in records:
             truth = -damping + record.rate * power * math.log(scene.epsilon)
             name = f"sum of exponents, {record.of}"
-            yield Check(name, float(record.value.sum()), truth, slack=EXPONENT_ROUNDING)
+            yield Check(name, record.value.sum(), truth, slack=EXPONENT_ROUNDING)
 
     return checks(), {
         "epsilon to the first power": checks(power=1.0),
@@ -339,19 +338,19 @@ def _exponents(alpha: float, epsilon: float) -> tuple[float, float]:
     return math.log(first) / math.pi, math.log(second) / math.pi
 
 
-def orbit_exponents(seed: int = 0, workers: int = 2) -> Found:
+def orbit_exponents(seed: int, workers: int) -> Found:
     """Check both exponents of three symmetric orbits: the tangent frames through flights and
     impacts."""
     computed = {case: lyapunov(_pair(*case), impacts=PAIR_IMPACTS).value for case in IMPACT_PAIRS}
 
-    def checks(factor: float = 1.0, saltation: bool = True) -> Iterator[Check]:
+    def checks(factor: float = 1.0, saltation: bool = True) -> Checks:
         for (alpha, epsilon), exponents in computed.items():
             exact = _exponents(alpha, factor * epsilon)
             if not saltation:  # an impact takes (dx, dy) to (dx, -epsilon dy)
                 exact = 0.0, math.log(epsilon) / math.pi
             for i in (0, 1):
                 name = f"exponent {i + 1}, alpha {alpha}, eps {epsilon}"
-                yield Check(name, float(exponents[i]), exact[i], slack=EXPONENT_ROUNDING)
+                yield Check(name, exponents[i], exact[i], slack=EXPONENT_ROUNDING)
 
     return checks(), {
         "impacts without the saltation term": checks(saltation=False),
@@ -396,7 +395,7 @@ def _find_motions(scene: Scene, across: Floats, up: Floats, phase: float = math.
     return np.array([_impacts_a_period(scene, Start(phase, *state)) for state in starts])
 
 
-def gear_rattle_basins(seed: int = 0, workers: int = 2) -> Found:
+def gear_rattle_basins(seed: int, workers: int) -> Found:
     """Check from which starts each of two coexisting motions is reached, and the share of all
     starts."""
     figure = np.array([list(line) for line in FIGURE.split()])
@@ -410,9 +409,9 @@ def gear_rattle_basins(seed: int = 0, workers: int = 2) -> Found:
 
     rng = np.random.default_rng(seed)
     three = _find_motions(GEARS, *rng.uniform(size=(2, BASIN_STARTS))) == 3.0
-    se = float(three.std()) * math.sqrt(1.0 / BASIN_STARTS + 1.0 / PIXELS**2)
+    se = three.std() * math.sqrt(1.0 / BASIN_STARTS + 1.0 / PIXELS**2)
     name = "share of starts that end in three impacts a period"
-    return [*differ(), Check(name, float(three.mean()), COLOURED_SHARE, se)], {
+    return [*differ(), Check(name, three.mean(), COLOURED_SHARE, se)], {
         "restitution 0.88": differ(replace(GEARS, epsilon=0.88)),
         "drive 5 % smaller": differ(replace(GEARS, alpha=0.95 * GEARS.alpha)),
         "drag 20 % larger": differ(replace(GEARS, gamma1=1.2 * GEARS.gamma1)),

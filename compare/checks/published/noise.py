@@ -17,7 +17,7 @@ spread over many boxes, x is uniform and independent of y.
 """
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -26,7 +26,7 @@ from scipy.integrate import quad
 from scipy.special import betainc, gamma, hyp2f1
 from scipy.stats import truncnorm
 
-from rattle.compare.checks.check import Check, Found, bare
+from rattle.compare.checks.check import Check, Checks, Found, bare, check_moment
 from rattle.montecarlo import Ensemble, Record, Sampling, simulate
 from rattle.montecarlo.coupling.dyadic import (
     DEEPEST,
@@ -66,7 +66,7 @@ SIDES = (0.1, 0.25, 0.5, 0.75)
 TOLERANCE_WIDTH = 0.1  # of the tolerance
 WIDTH_SDS = {
     "uniform": 1.0 / math.sqrt(3.0),
-    "normal": 0.5 * float(truncnorm(-2.0, 2.0).std()),
+    "normal": 0.5 * truncnorm(-2.0, 2.0).std(),
 }
 """Sd of a gap by its distribution, in widths of the tolerance; normal ones are cut at two sds."""
 
@@ -123,7 +123,7 @@ def check_exit(
     return Check(name, found, truth, row["se_flight"], left * truth)
 
 
-def exit_time(seed: int = 0, workers: int = 2) -> Found:
+def exit_time(seed: int, workers: int) -> Found:
     """Check the mean exit time from three starting points, for all three schemes of
     `montecarlo.simulate`."""
 
@@ -148,16 +148,16 @@ def exit_time(seed: int = 0, workers: int = 2) -> Found:
     }
 
 
-def exit_side(seed: int = 0, workers: int = 2) -> Found:
+def exit_side(seed: int, workers: int) -> Found:
     """Check the share of paths that leave a gap on the side of the orbit without noise (its
     agreement)."""
     agreement = {}
     for i, share in enumerate(SIDES):
         scene = particle(share, EXIT_HALF_GAP, 1.0, DRAG)
         run = simulate(scene, paths=EXIT_PATHS, impacts=1, rng=seed + i, workers=workers)
-        agreement[share] = float(run.columns["agreement"][0])
+        agreement[share] = run.columns["agreement"][0]
 
-    def checks(truth: dict[float, float]) -> Iterator[Check]:
+    def checks(truth: dict[float, float]) -> Checks:
         for z, p in truth.items():
             se = math.sqrt(p * (1.0 - p) / EXIT_PATHS)
             yield Check(f"agreement from {z:g}", agreement[z], p, se, MOST_CHANGED)
@@ -169,7 +169,7 @@ def exit_side(seed: int = 0, workers: int = 2) -> Found:
     }
 
 
-def random_gap(seed: int = 0, workers: int = 2) -> Found:
+def random_gap(seed: int, workers: int) -> Found:
     """Check mean and sd of the wall that coasting paths strike first, for both distributions of the
     gap."""
     coasting = bare(start=Start(0.0, 0.0, 1.0))
@@ -179,11 +179,10 @@ def random_gap(seed: int = 0, workers: int = 2) -> Found:
         run = simulate(scene, paths=EXIT_PATHS, impacts=1, rng=seed, workers=workers)
         rows[name] = run.section.iloc[0]
 
-    def checks(spreads: dict[str, float], width: float = TOLERANCE_WIDTH) -> Iterator[Check]:
+    def checks(spreads: dict[str, float], width: float = TOLERANCE_WIDTH) -> Checks:
         for name, row in rows.items():
-            yield Check(f"mean wall, {name}", row["x1"], 0.5, row["se_x1"])
-            sd = spreads[name] * width
-            yield Check(f"sd of the wall, {name}", row["sd_x1"], sd, row["se_sd_x1"])
+            yield check_moment(row, "x1", f"mean wall, {name}", 0.5)
+            yield check_moment(row, "sd_x1", f"sd of the wall, {name}", spreads[name] * width)
 
     return checks(WIDTH_SDS), {
         "the other distribution": checks(
@@ -288,12 +287,10 @@ NOISY_BOUNCES = 8
 
 def check_mean(quantity: str, values: Floats, truth: float) -> Check:
     """Check the mean of independent values."""
-    return Check(
-        quantity, float(values.mean()), truth, float(values.std()) / math.sqrt(len(values))
-    )
+    return Check(quantity, values.mean(), truth, values.std() / math.sqrt(len(values)))
 
 
-def return_speed(seed: int = 0, workers: int = 2) -> Found:
+def return_speed(seed: int, workers: int) -> Found:
     """Check mean and variance of ln rho, and P(rho < 1), over `RETURNS` flights that start at speed
     1."""
     flights = log_speeds(1.0, RETURNS, 1, seed)[:, 0]
@@ -301,7 +298,7 @@ def return_speed(seed: int = 0, workers: int = 2) -> Found:
 
     def checks(
         mean: float = MEAN, variance: float = LOG_RATIO_VARIANCE, ln: Floats = flights
-    ) -> Iterator[Check]:
+    ) -> Checks:
         yield check_mean("E ln rho", ln, mean)
         yield check_mean("Var ln rho", (ln - ln.mean()) ** 2, variance)
         yield check_mean("P(rho < 1)", (ln < 0.0).astype(float), slower)
@@ -313,12 +310,12 @@ def return_speed(seed: int = 0, workers: int = 2) -> Found:
     }
 
 
-def return_moments(seed: int = 0, workers: int = 2) -> Found:
+def return_moments(seed: int, workers: int) -> Found:
     """Check moments of the ratio of consecutive speeds, ``E rho^s = 1 / (2 cos(pi (1 + s) /
     3))``."""
     ln = log_speeds(1.0, RETURNS, 1, seed + 2)[:, 0]
 
-    def checks(wrong: float = 1.0, shifted: float = 0.0) -> Iterator[Check]:
+    def checks(wrong: float = 1.0, shifted: float = 0.0) -> Checks:
         for s in RATIO_ORDERS:
             truth = wrong / (2.0 * math.cos(math.pi * (1.0 + s + shifted) / 3.0))
             yield check_mean(f"E rho^{s:g}", np.exp(s * ln), truth)
@@ -332,10 +329,10 @@ def return_moments(seed: int = 0, workers: int = 2) -> Found:
 def mean_drift(epsilon: float, paths: int, bounces: int, seed: int) -> tuple[float, float]:
     """Mean change of ln speed per bounce, and its standard error."""
     whole = log_speeds(epsilon, paths, bounces, seed)[:, -1] / bounces
-    return float(whole.mean()), float(whole.std()) / math.sqrt(paths)
+    return whole.mean(), whole.std() / math.sqrt(paths)
 
 
-def critical_restitution(seed: int = 0, workers: int = 2) -> Found:
+def critical_restitution(seed: int, workers: int) -> Found:
     """Check the drift of ln speed per bounce below and above the critical restitution, and where it
     is zero."""
     d0, s0 = mean_drift(BELOW_CRITICAL, EXIT_PATHS, NOISY_BOUNCES, seed)
@@ -345,7 +342,7 @@ def critical_restitution(seed: int = 0, workers: int = 2) -> Found:
     zero = BELOW_CRITICAL * math.exp(span * share) if d0 < 0.0 < d1 else math.nan
     se = zero * span / (d1 - d0) * math.hypot((1.0 - share) * s0, share * s1)
 
-    def checks(power: float = 1.0, mean: float = MEAN) -> Iterator[Check]:
+    def checks(power: float = 1.0, mean: float = MEAN) -> Checks:
         for epsilon, drift, error in ((BELOW_CRITICAL, d0, s0), (ABOVE_CRITICAL, d1, s1)):
             name = f"drift per bounce at epsilon {epsilon:g}"
             yield Check(name, drift, power * math.log(epsilon) + mean, error)
@@ -388,11 +385,6 @@ FOLDED_TIMES = (8.0, 8.8, 9.6)
 LOSSY = 0.97  # restitution of the negative control
 
 
-def _moment(row: Any, column: str, name: str, truth: float, slack: float = 0.0) -> Check:
-    """Check a moment at a fixed time, in a row of moments."""
-    return Check(name, float(row[column]), truth, float(row["se_" + column]), slack)
-
-
 def _kurtosis(name: str, found: float, truth: float = 0.0) -> Check:
     """Check the excess kurtosis of a Gaussian quantity."""
     return Check(f"kurtosis of {name}", found, truth, math.sqrt(24.0 / GAUSSIAN_PATHS))
@@ -422,26 +414,26 @@ def _central(run: Ensemble, quantity: str, power: int) -> Floats:
     return np.asarray(run.result.sums["fixed"].moment(power, 0)[:, at])
 
 
-def free_flight(seed: int = 0, workers: int = 2) -> Found:
+def free_flight(seed: int, workers: int) -> Found:
     """Check the first four moments of `montecarlo.simulate` against the flow and its covariance."""
     run = _follow(SCENE, [START.tau + FREE_FLIGHT], 1, [seed, 7], workers)
     row = run.at_times().iloc[0]
-    t = float(run.fixed_times[0]) - START.tau
+    t = run.fixed_times[0] - START.tau
     names = state_names(SCENE.stages)
 
-    def checks(scene: Scene = SCENE) -> Iterator[Check]:
+    def checks(scene: Scene = SCENE) -> Checks:
         mean = flow(scene.constants, START.tau, scene.start_state, t)
         covariance = noise_covariance(scene.constants, START.tau, t)
         for q, truth in zip(names, mean.tolist(), strict=True):
-            yield _moment(row, q, f"E {q}", truth, STEP_ERROR)
+            yield check_moment(row, q, f"E {q}", truth, STEP_ERROR)
         for i, j in state_pairs(SCENE.stages):
             column = f"cov_{names[i]}_{names[j]}"
-            truth = float(covariance[i, j])
-            yield _moment(row, column, column.replace("_", " "), truth, STEP_ERROR)
+            truth = covariance[i, j]
+            yield check_moment(row, column, column.replace("_", " "), truth, STEP_ERROR)
 
-    def shape(skewness: float, kurtosis: float) -> Iterator[Check]:
+    def shape(skewness: float, kurtosis: float) -> Checks:
         for q in names:
-            m2, m3, m4 = (float(_central(run, q, power)[0]) for power in (2, 3, 4))
+            m2, m3, m4 = (_central(run, q, power)[0] for power in (2, 3, 4))
             se = math.sqrt(6.0 / GAUSSIAN_PATHS)
             yield Check(f"skewness of {q}", m3 / m2**1.5, skewness, se)
             yield _kurtosis(q, m4 / m2**2 - 3.0, kurtosis)
@@ -468,7 +460,7 @@ def speed_variance(tau: float, beta: float, sigma: float) -> float:
     return sigma**2 * ((1.0 + beta**2) / (4.0 * beta) + wave)
 
 
-def elastic_box(seed: int = 0, workers: int = 2) -> Found:
+def elastic_box(seed: int, workers: int) -> Found:
     """Check that displacement is uniform and velocity Gaussian with a closed-form variance, at
     three fixed times."""
     scene = bare(epsilon=1.0, beta1=BETA, gap1=BOX, sigma=UNIT_SIGMA, start=Start())
@@ -477,11 +469,9 @@ def elastic_box(seed: int = 0, workers: int = 2) -> Found:
         for e in (1.0, LOSSY)
     )
 
-    def checks(
-        run: Ensemble = run, sigma: float = UNIT_SIGMA, phase: float = 0.0
-    ) -> Iterator[Check]:
+    def checks(run: Ensemble = run, sigma: float = UNIT_SIGMA, phase: float = 0.0) -> Checks:
         followed = run.result.sums["fixed"].n[:, state_pairs(run.scene.stages).index((1, 1))]
-        yield Check("paths followed to the end", float(followed.min()), GAUSSIAN_PATHS)
+        yield Check("paths followed to the end", followed.min(), GAUSSIAN_PATHS)
         kurtosis = _central(run, "y1", 4) / _central(run, "y1", 2) ** 2 - 3.0
         at_start = speed_variance(phase, BETA, sigma)
         rows = run.at_times().to_dict("records")
@@ -496,7 +486,7 @@ def elastic_box(seed: int = 0, workers: int = 2) -> Found:
                 "cov_y1_y1": ("E y^2", variance),
             }
             for column, (name, truth) in moments.items():
-                yield _moment(row, column, f"{name} at {time:.2f}", truth)
+                yield check_moment(row, column, f"{name} at {time:.2f}", truth)
             yield _kurtosis(f"y at {time:.2f}", excess)
 
     return checks(), {

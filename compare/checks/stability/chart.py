@@ -107,7 +107,7 @@ def horizon_of(scene: Scene) -> float:
     return CROSSINGS * scene.gap1 / abs(scene.start.y1)
 
 
-def reference(scene: Scene, *, paths: int, seed: int, workers: int) -> Reference:
+def reference(scene: Scene, *, paths: int, seed: int) -> Reference:
     """Compute the reference by exact flights at a quarter of their default step, or by root finding
     without noise.
 
@@ -125,7 +125,6 @@ def reference(scene: Scene, *, paths: int, seed: int, workers: int) -> Reference
             dt=default_step(scene, "exact-flight") / FINER,
             rng=seed,
             sampling=Sampling(horizon=horizon_of(scene)),
-            workers=workers,
         )
         columns = run.columns
         late = run.unfinished / run.paths
@@ -191,27 +190,27 @@ def judge(
     dt: float,
     paths: int,
     seed: int,
-    workers: int,
     z: float,
 ) -> Judged:
     """Simulate a cell with any time step, with more paths while the verdict is undecided, and judge
     it."""
     sampling = Sampling(horizon=max(horizon_of(scene), 4.0 * dt))
+    blocks = in_threads(1)
     first, *later = sizes(paths)
     with np.errstate(all="ignore"):  # unstable runs overflow
         plan = plan_of(
             scene, first, CHART_IMPACTS, dt, scheme, seed, sampling=sampling, any_step=True
         )
-        merged = reduce(BlockResult.merge, (result for result, _ in in_threads(workers)(plan, 0)))
+        merged = reduce(BlockResult.merge, (result for result, _ in blocks(plan, 0)))
         run = Ensemble(plan, first, merged, None, None, 0.0)
         verdict = _verdict(run, beside, z)
         while later and verdict[0] == CHART_UNDECIDED and is_random(scene):
-            run = extend(run, later.pop(0), in_threads(workers))
+            run = extend(run, later.pop(0), blocks)
             verdict = _verdict(run, beside, z)
         diagnosed = len(run.diagnostics) > bool(diagnose_short_step(run)) + bool(
             diagnose_rare_branch(run)
         )
-        moments = 2 * sum(int(np.isfinite(unit).sum()) for unit in beside.unit.values())
+        moments = 2 * sum(np.isfinite(unit).sum() for unit in beside.unit.values())
         return Judged(*verdict, diagnosed, run.plan.paths, moments)
 
 
@@ -242,8 +241,8 @@ def _verdict(run: Ensemble, beside: Reference, z: float) -> tuple[str, float, fl
     else:
         decisive = error + half
         verdict = UNBIASED if (decisive <= 1.0).all() else CHART_UNDECIDED
-    worst = int(np.nan_to_num(decisive, nan=np.inf).argmax())
-    return verdict, float(error[worst]), float(half[worst]), where or rows[worst][2]
+    worst = np.nan_to_num(decisive, nan=np.inf).argmax()
+    return verdict, error[worst], half[worst], where or rows[worst][2]
 
 
 def _describe_instability(run: Ensemble, beside: Reference) -> str:
@@ -253,7 +252,7 @@ def _describe_instability(run: Ensemble, beside: Reference) -> str:
     if not np.isfinite(moments).all():
         return "moments are not finite"
     ours, theirs = (
-        float(np.nanmax([np.hypot(c[y], c[f"sd_{y}"]) for y in ("y1", "y2")]))
+        np.nanmax([np.hypot(c[y], c[f"sd_{y}"]) for y in ("y1", "y2")])
         for c in (run.columns, beside.columns)
     )
     if ours > FAST * theirs:
@@ -331,8 +330,8 @@ class Place(Cell):
         slow = scene.sigma > 0.0 and scene.epsilon < COLLAPSE
         outside = min(self.paths, OUTSIDE)
         enough = min(self.paths, OUTSIDE if scene.epsilon > 0.0 else BLOCK) if slow else self.paths
-        beside = reference(scene, paths=REFERENCE * enough, seed=self.seed + 1, workers=1)
-        attempt = partial(judge, scene, beside, seed=self.seed, workers=1, z=self.z)
+        beside = reference(scene, paths=REFERENCE * enough, seed=self.seed + 1)
+        attempt = partial(judge, scene, beside, seed=self.seed, z=self.z)
         for scheme in self.schemes:
             largest, why = largest_step(scene, scheme)
             default_dt = default_step(scene, scheme)

@@ -35,7 +35,7 @@ def corner():
     return {
         axis: (
             scene := moderate(**{axis: value}),
-            reference(scene, paths=4 * PATHS, seed=1, workers=2),
+            reference(scene, paths=4 * PATHS, seed=1),
         )
         for axis, value in CORNERS.items()
     }
@@ -43,7 +43,7 @@ def corner():
 
 def verdict(scene, beside, scheme, share, paths=PATHS):
     dt = share * largest_step(scene, scheme)[0]
-    return judge(scene, beside, scheme=scheme, dt=dt, paths=paths, seed=0, workers=2, z=Z)
+    return judge(scene, beside, scheme=scheme, dt=dt, paths=paths, seed=0, z=Z)
 
 
 @pytest.mark.parametrize("axis", CORNERS)
@@ -72,20 +72,20 @@ WRONG = {
 
 @pytest.fixture(scope="module")
 def middle():
-    return reference(moderate(), paths=2 * PATHS, seed=1, workers=2)
+    return reference(moderate(), paths=2 * PATHS, seed=1)
 
 
 @pytest.mark.parametrize(("scheme", "wrong"), [*zip(SCHEMES, WRONG, strict=True)])
 def test_negative_control_of_a_scheme_is_biased(middle, scheme, wrong):
     control = replace(moderate(), **WRONG[wrong])
-    found = judge(control, middle, scheme=scheme, dt=5e-4, paths=PATHS, seed=0, workers=2, z=Z)
+    found = judge(control, middle, scheme=scheme, dt=5e-4, paths=PATHS, seed=0, z=Z)
     assert found.verdict == BIASED
 
 
 @pytest.mark.parametrize("gap", [AXES["gap"].values[0], AXES["gap"].values[-1]])
 def test_exact_flights_without_noise_are_the_orbit(gap):
     scene = replace(moderate(gap=gap), sigma=0.0)
-    found = verdict(scene, reference(scene, paths=1, seed=1, workers=1), "exact-flight", 1.0, 1)
+    found = verdict(scene, reference(scene, paths=1, seed=1), "exact-flight", 1.0, 1)
     assert found.verdict == UNBIASED
     assert found.error < 1e-3
 
@@ -93,10 +93,8 @@ def test_exact_flights_without_noise_are_the_orbit(gap):
 def test_restitution_of_nothing_has_no_limit():
     scene = moderate(epsilon=0.0)
     # any: it is not what decides
-    beside = reference(moderate(epsilon=0.5), paths=1024, seed=1, workers=1)
-    found = judge(
-        scene, beside, scheme="euler-maruyama", dt=0.01, paths=1024, seed=0, workers=1, z=Z
-    )
+    beside = reference(moderate(epsilon=0.5), paths=1024, seed=1)
+    found = judge(scene, beside, scheme="euler-maruyama", dt=0.01, paths=1024, seed=0, z=Z)
     assert found.verdict == charts.COLLAPSING
     assert found.diagnosed
 
