@@ -83,11 +83,11 @@ def strike(c: Constants, mesh: int, s: Floats) -> None:
 @inline
 def rebound(c: Constants, mesh: int, epsilon: float, s: Floats) -> None:
     """`strike` for a given restitution of slow impacts."""
-    _reflect(c, mesh, epsilon * falloff(c, mesh - 1, s[2 * mesh - 1]), s)
+    reflect(c, mesh, epsilon * falloff(c, mesh - 1, s[2 * mesh - 1]), s)
 
 
 @inline
-def _reflect(c: Constants, mesh: int, epsilon: float, s: Floats) -> None:
+def reflect(c: Constants, mesh: int, epsilon: float, s: Floats) -> None:
     """`strike` for a given restitution at the impact speed."""
     i = mesh - 1
     wheel = c.wheels[i]
@@ -353,7 +353,7 @@ def _unit_rebound(c: Constants, mesh: int, epsilon: float) -> Floats:
     """State after an impact of unit rate with a given restitution."""
     unit = np.zeros(2 * c.wheels.size)
     unit[2 * mesh - 1] = 1.0
-    _reflect(c, mesh, epsilon, unit)
+    reflect(c, mesh, epsilon, unit)
     return unit
 
 

@@ -19,7 +19,7 @@ from rattle.scene import Gears, impact, wheel
 
 pytestmark = pytest.mark.published
 
-STRIKE = impact.rebound
+STRIKE = impact.reflect
 LOSS = impact.energy_loss
 COMPLETE = wheel.complete_wheels
 MU = Gears.mu.fget
