@@ -8,6 +8,7 @@ import fuzz_sampled
 import numpy as np
 from fuzz_files import command
 from fuzz_must import FAINTEST, SLACK, Ended, has_verdicts, must, own, refused, semidefinite
+from numpy.lib.recfunctions import structured_to_unstructured
 
 from rattle import validate
 from rattle.closure import CLOSURES, MeanMap, follow, mean_map
@@ -41,7 +42,13 @@ def round_trip(scene: Scene, settings: dict[str, Any]) -> Ended:
     again = Scene.from_toml(scene.to_toml())
     must(again == scene and repr(again) == repr(scene), "TOML changed the scene", scene)
     c = scene.constants
-    numbers = [c.alpha, c.sigma, c.memory, *np.ravel(c.wheels.tolist()), *map(np.ravel, c.drive)]
+    numbers = [
+        c.alpha,
+        c.sigma,
+        c.memory,
+        *structured_to_unstructured(c.wheels).flat,
+        *map(np.ravel, c.drive),
+    ]
     must(np.isfinite(np.hstack(numbers)), "compiled code gets", numbers)
     return "complete", ""
 
