@@ -47,6 +47,8 @@ STICKING = Scene(
     start=Start(0.0, 0.49, 0.2, -0.49, -0.2),
 )
 """Both stages are accelerated into their flanks, where impacts accumulate."""
+PRESSED = replace(STICKING, sigma=1e-3, noise={1: 1.0, 2: 1.0})
+"""The same, while each wheel has a noise of its own."""
 DRIVEN = Scene(
     alpha=3.0,
     epsilon=0.1,
@@ -72,6 +74,7 @@ SCENES = {
     "sticking": STICKING,
     "driven": DRIVEN,
     "body": BODY,
+    "shaken": replace(PAIR, noise={"drive": 1.0, 1: 0.5, 2: 2.0}),
     "in flight": replace(PAIR, start=Start(0.2, 0.1, 1.0, 0.2, -1.0)),
 }
 
@@ -185,8 +188,8 @@ UNIFORM = replace(LONE, tolerance=Tolerance(0.04, 0.0))
 NORMAL = replace(PAIR, tolerance=Tolerance(0.04, 0.02, distribution="normal", draw="contact"))
 ORDERS = replace(MEMORY, correlation_time=0.0)
 SAMPLED = {
-    "exact-flight": ("without noise", "sticking", "driven", "body"),
-    "euler-maruyama-located": ("in flight", "body"),
+    "exact-flight": ("without noise", "sticking", "driven", "body", "shaken"),
+    "euler-maruyama-located": ("in flight", "body", "shaken"),
     "euler-maruyama": ("two stages", "driven"),
 }
 """Scenes by the scheme that samples them."""
@@ -223,6 +226,9 @@ CASES: dict[str, Callable] = {
     ),
     "euler-maruyama, two-point": lambda: simulated(
         PAIR, "euler-maruyama", dt=5e-3, sampling=Sampling(increments="two-point")
+    ),
+    "exact-flight, shaken where pressed": lambda: simulated(
+        PRESSED, "exact-flight", 1, 60, dt=STEP["exact-flight"], sampling=Sampling(horizon=6.0)
     ),
     "long run, two stages": lambda: long_run_sums(PAIR),
     "long run, one stage": lambda: long_run_sums(LONE),
