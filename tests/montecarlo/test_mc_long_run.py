@@ -189,7 +189,7 @@ def test_a_budget_gives_the_best_answer_that_it_allows(monkeypatch, budget):
     watched = Watched(monkeypatch)
     found = long_run(SCENE, accuracy=1e-9, paths=16, budget=budget, burn_in=32)
     assert watched.now <= 1.1 * budget + SECOND
-    assert watched.now >= 0.9 * budget
+    assert watched.now >= 0.9 * budget - SECOND  # less than a period of all paths may be left
     assert found.periods + found.burn_in.periods <= 1.1 * budget + 1.0
     assert not found.reached
     assert found.burn_in.reached == (budget > 64.0)
