@@ -14,11 +14,11 @@ from rattle.scene.parts import LARGEST_RATE, LEAST_SIZE
 DRIVE_NOISE = "drive"
 """What the noise acts on by default."""
 
-Noise = str | int | tuple[tuple[str, float], ...]
+NoiseSources = str | int | tuple[tuple[str, float], ...]
 """One source by name or number; or several by name, each with its intensity over `sigma`."""
 
 
-def read_noise(noise: Any, names: Sequence[str]) -> Noise:
+def read_noise(noise: Any, names: Sequence[str]) -> NoiseSources:
     """`Scene.noise` as it is kept, or say what is wrong with it.
 
     `names`: of the wheels.
@@ -48,7 +48,7 @@ def read_noise(noise: Any, names: Sequence[str]) -> Noise:
     return first if len(kept) == 1 and size == 1.0 else tuple(kept)
 
 
-def list_sources(noise: Noise, names: Sequence[str]) -> list[tuple[int, float]]:
+def list_sources(noise: NoiseSources, names: Sequence[str]) -> list[tuple[int, float]]:
     """The number of the wheel that each source acts on, 0 for the drive, with its intensity over
     `sigma`; in ascending order."""
     if not isinstance(noise, tuple):

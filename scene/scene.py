@@ -18,7 +18,7 @@ from rattle.scene.errors import InputError, suggesting
 from rattle.scene.files import in_file, read_text, read_toml
 from rattle.scene.gears import DAT21, Gears, change_gears
 from rattle.scene.loose_wheel import as_table
-from rattle.scene.noise import DRIVE_NOISE, Noise, list_sources, read_noise
+from rattle.scene.noise import DRIVE_NOISE, NoiseSources, list_sources, read_noise
 from rattle.scene.parts import (
     GAPS,
     LEAST_SIZE,
@@ -164,7 +164,7 @@ class Scene:
     stages: int = 2
     drive: tuple[Order, ...] = SINE_ALONE
     correlation_time: float = 0.0
-    noise: Noise = DRIVE_NOISE
+    noise: NoiseSources = DRIVE_NOISE
     wheels: tuple[Wheel, ...] = ()
     bodies: bool = False
     gears: Gears | None = field(default=None, compare=False, repr=False)

@@ -13,7 +13,6 @@ from rattle.montecarlo.noise.memory import Memory, color_noise
 from rattle.montecarlo.noise.philox import STEP, Key, Word, fill_normals, fill_signs, fill_words
 from rattle.montecarlo.noise.restitution import RandomRestitution, draw_restitution
 from rattle.montecarlo.schemes import lanes as vector
-from rattle.montecarlo.schemes.alone import begin_alone, draw_alone
 from rattle.montecarlo.schemes.control_variate import LinearPath, carry_along
 from rattle.montecarlo.schemes.lanes import Lanes, Room
 from rattle.montecarlo.schemes.scheme import Scheme
@@ -27,6 +26,7 @@ from rattle.montecarlo.schemes.step_state import (
     Scratch,
 )
 from rattle.montecarlo.schemes.sticking import add_closed, close_only, put_all
+from rattle.montecarlo.schemes.wheel_noise import begin_alone, draw_alone
 from rattle.scene import Constants, Floats, Ints
 from rattle.scene.compiled import ZERO, lean, splice, widest_vectors
 from rattle.scene.impact import rebound

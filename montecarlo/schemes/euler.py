@@ -10,7 +10,6 @@ from functools import partial
 from typing import NamedTuple
 
 from rattle.montecarlo.noise.brownian import Noise
-from rattle.montecarlo.schemes.alone import add_kicks
 from rattle.montecarlo.schemes.lanes import Lanes, fill_speeds, join_increments
 from rattle.montecarlo.schemes.scheme import Scheme
 from rattle.montecarlo.schemes.short_flight import Phase, no_phase
@@ -24,6 +23,7 @@ from rattle.montecarlo.schemes.time_scales import (
     memory_step,
     time_scales,
 )
+from rattle.montecarlo.schemes.wheel_noise import add_kicks
 from rattle.scene import Bools, Constants, Floats, Scene
 from rattle.scene.compiled import fma, inline, lean, splice, widest_vectors
 from rattle.scene.drive import highest_order, velocity_acceleration

@@ -10,12 +10,6 @@ from functools import partial
 
 from rattle.montecarlo.noise.brownian import Noise
 from rattle.montecarlo.noise.philox import BRIDGE, Word, normals
-from rattle.montecarlo.schemes.alone import (
-    add_kick,
-    add_kicks,
-    divide_increments,
-    gather_alone,
-)
 from rattle.montecarlo.schemes.euler import (
     KICK,
     PUSH,
@@ -38,6 +32,12 @@ from rattle.montecarlo.schemes.step_state import (
     put_on_wall,
 )
 from rattle.montecarlo.schemes.sticking import stays_open, stick_to_end
+from rattle.montecarlo.schemes.wheel_noise import (
+    add_kick,
+    add_kicks,
+    divide_increments,
+    gather_alone,
+)
 from rattle.scene import Bools, Constants
 from rattle.scene.compiled import inline, lean, lean_internal
 

@@ -15,14 +15,6 @@ from typing import NamedTuple
 
 from rattle.montecarlo.noise.brownian import Noise, join, split
 from rattle.montecarlo.noise.philox import BRIDGE, Word, normals
-from rattle.montecarlo.schemes.alone import (
-    ALONG_PARTS,
-    flight_effects,
-    gather_alone,
-    join_alone,
-    shake_lanes,
-    split_alone,
-)
 from rattle.montecarlo.schemes.crossing import (
     CLOSE_TO_WALL,
     NEAR_WALL,
@@ -69,6 +61,14 @@ from rattle.montecarlo.schemes.time_scales import (
     least_limit,
     memory_step,
     time_scales,
+)
+from rattle.montecarlo.schemes.wheel_noise import (
+    ALONG_PARTS,
+    flight_effects,
+    gather_alone,
+    join_alone,
+    shake_lanes,
+    split_alone,
 )
 from rattle.scene import Bools, Constants, Floats, Scene
 from rattle.scene.compiled import inline, lean, lean_internal, not_inlined, splice

@@ -16,7 +16,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rattle.montecarlo.noise.brownian import Noise
-from rattle.montecarlo.schemes.alone import gather_alone
 from rattle.montecarlo.schemes.crossing import MARGIN_SDS
 from rattle.montecarlo.schemes.short_flight import kick
 from rattle.montecarlo.schemes.step_state import (
@@ -33,6 +32,7 @@ from rattle.montecarlo.schemes.step_state import (
     Scratch,
     copy_state,
 )
+from rattle.montecarlo.schemes.wheel_noise import gather_alone
 from rattle.scene import Constants, Floats, Ints
 from rattle.scene.compiled import inline, internal, lean_internal, not_inlined
 from rattle.scene.drive import most_modulation, most_velocity, velocity_acceleration
