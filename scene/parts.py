@@ -24,7 +24,7 @@ from rattle.scene.errors import (
     unit_interval,
 )
 from rattle.scene.text import as_call
-from rattle.scene.types import CUT, MOST_ROWS, MOST_WHEELS, state_names
+from rattle.scene.types import CUT, MOST_RESTITUTIONS, MOST_WHEELS, state_names
 
 _edge = math.exp(-0.5 * CUT**2) / math.sqrt(2.0 * math.pi)
 UNIT_VARIANCE = {
@@ -155,8 +155,10 @@ def _read_rows(given: Iterable[Any]) -> tuple[tuple[float, float], ...]:
         rows = [tuple(row) for row in given]
     except TypeError:
         rows = []
-    if not 2 <= len(rows) <= MOST_ROWS or any(len(row) != 2 for row in rows):
-        raise InputError(name, given, f"give 2 to {MOST_ROWS} rows [impact speed, restitution]")
+    if not 2 <= len(rows) <= MOST_RESTITUTIONS or any(len(row) != 2 for row in rows):
+        raise InputError(
+            name, given, f"give 2 to {MOST_RESTITUTIONS} rows [impact speed, restitution]"
+        )
     table = []
     for number, row in enumerate(rows, 1):
         place = f"{name}: speed of row {number}"

@@ -26,7 +26,7 @@ def section_names(wheels: int) -> tuple[str, ...]:
 
 
 MOST_WHEELS = 32  # of a gearbox
-MOST_ROWS = 16  # of a table of restitution
+MOST_RESTITUTIONS = 16  # of a table of restitution
 CUT = 2.0  # c_max in standard deviations of the normal distribution that is truncated there
 
 
@@ -82,7 +82,7 @@ WHEEL = np.dtype(
             ("slowing", np.float64),  # 1 over the speed at which restitution begins to fall, or 0
             ("rows", np.int64),  # of its table of restitution; 0 where there is none
             # of the table, see `rattle.scene.wheel.restitution_pieces`
-            ("pieces", np.float64, (MOST_ROWS + 1, 5)),
+            ("pieces", np.float64, (MOST_RESTITUTIONS + 1, 5)),
             ("mass", np.float64),  # at its own mesh, in units of that of wheel 1
             ("share", np.float64),  # of the parent, of the change of the rate at an impact
             (

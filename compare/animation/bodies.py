@@ -13,7 +13,7 @@ from rattle.compare.animation.record import Recording
 from rattle.scene import Scene
 
 PLACES = 260.0  # height of all that bodies and walls go through
-RADIUS = 18.0  # of a body
+BODY_RADIUS = 18.0  # of a body
 WALL = 18.0  # thickness of a wall
 SPRING = 40.0  # least length of a spring
 
@@ -47,20 +47,20 @@ def draw_bodies(shown: Recording) -> Drawing:
     columns = []
     parts: list[Part] = []
     sparks = []
-    reached = [-scale * bodies.max() - RADIUS, -scale * bodies.min() + RADIUS]
+    reached = [-scale * bodies.max() - BODY_RADIUS, -scale * bodies.min() + BODY_RADIUS]
     for i, wheel in enumerate(scene.tree):
-        surfaces = [-up * (scale * gap + RADIUS) for up, gap in walls[i]]
+        surfaces = [-up * (scale * gap + BODY_RADIUS) for up, gap in walls[i]]
         ends = [surface + math.copysign(WALL, surface) for surface in surfaces]
         frame = Part(int(wheel.parent), -scale * wheel.ratio)
         first = len(parts)
         parts.append(frame)
         anchor = None
         if wheel.stiffness:
-            free = scale * float(displacements[i].min()) - RADIUS
+            free = scale * float(displacements[i].min()) - BODY_RADIUS
             anchor = min(free, *ends) - SPRING
             ends.append(anchor - WALL)
             # from its upper end to the body, of length 1 before it is stretched
-            parts.append(Part(1 + scene.stages + i, scale, -RADIUS - anchor, "scale(1 "))
+            parts.append(Part(1 + scene.stages + i, scale, -BODY_RADIUS - anchor, "scale(1 "))
         parts += [Part(1 + i, -scale), frame]
         sparks.append((surfaces[-1], surfaces[0]))
         highest = -scale * float(struck[i].max())
@@ -78,7 +78,7 @@ def draw_bodies(shown: Recording) -> Drawing:
         )
     facts = {
         "columns": columns,
-        "radius": RADIUS,
+        "radius": BODY_RADIUS,
         "wall": WALL,
         "top": float(min(reached)),
         "bottom": float(max(reached)),

@@ -26,11 +26,11 @@ CONTACT = 1
 BRIDGE = 2
 MEMORY = 100
 RESTITUTION = 101
-ALONE = 128
-ALONE_BRIDGE = 160
+WHEEL_STEP = 128
+WHEEL_BRIDGE = 160
 """Purposes, that is, substreams: noise of the steps; half gaps; splits within a step (`BRIDGE` +
 level); noise with a memory at the start; random restitution; noise of the steps of one wheel alone
-(`ALONE` + wheel), and its splits (`ALONE_BRIDGE` + 32 level + wheel)."""
+(`WHEEL_STEP` + wheel), and its splits (`WHEEL_BRIDGE` + 32 level + wheel)."""
 
 Word = np.uint64
 LOW = Word(0xFFFFFFFF)

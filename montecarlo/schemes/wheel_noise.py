@@ -8,7 +8,14 @@ wheel's share of the momentum.
 import math
 
 from rattle.montecarlo.noise.brownian import Noise, join, split
-from rattle.montecarlo.noise.philox import ALONE, ALONE_BRIDGE, Key, Word, fill_normals, normals
+from rattle.montecarlo.noise.philox import (
+    WHEEL_BRIDGE,
+    WHEEL_STEP,
+    Key,
+    Word,
+    fill_normals,
+    normals,
+)
 from rattle.montecarlo.schemes.crossing import near_wall
 from rattle.montecarlo.schemes.lanes import Lanes, Room
 from rattle.montecarlo.schemes.short_flight import kick
@@ -33,7 +40,7 @@ def draw_alone(key: Key, draws: int, n: int, room: Room, wide: int, alone: Float
         if room.scratch.intensity[i] == 0.0:
             continue
         if place == 0:
-            fill_normals(key, room.path, Word(n // draws), Word(ALONE + i), wide, z)
+            fill_normals(key, room.path, Word(n // draws), Word(WHEEL_STEP + i), wide, z)
         for k in range(4 // draws):
             of_step = z[place * (4 // draws) + k]
             to = alone[i, k]
@@ -156,7 +163,7 @@ def gather_alone(noise: Floats, count: int, bodies: Bodies, free: Ints, series: 
 @inline
 def purpose_of(level: int, i: int) -> Word:
     """The substream that splits the noise of a wheel alone."""
-    return Word(ALONE_BRIDGE + MOST_WHEELS * level + i)
+    return Word(WHEEL_BRIDGE + MOST_WHEELS * level + i)
 
 
 @lean_internal
