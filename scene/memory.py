@@ -2,7 +2,8 @@
 state.
 
 ``d(xi, eta) = A(tau) (xi, eta) dtau + (0, dW / theta)``, where A holds the matrix of Eq. 8, sigma
-times the modulation of Eq. 5 beside it, and ``-1 / theta`` for eta (docs/model.md section 4).  By
+times what the noise acts on beside it, the modulation of Eq. 5 or a body, and ``-1 / theta`` for
+eta (docs/model.md section 4).  By
 Gauss-Legendre quadrature on panels.
 """
 
@@ -47,8 +48,8 @@ def _push(c: Constants, tau: float, h: float) -> tuple[Floats, Floats]:
         third = jerk(c.drive, tau + s)
         for k in range(c.wheels.size):
             wheel = c.wheels[k]
-            m = wheel.second * second + wheel.first * first
-            rate = wheel.second * third + wheel.first * second
+            m = c.modulates * (wheel.second * second + wheel.first * first) + wheel.force
+            rate = c.modulates * (wheel.second * third + wheel.first * second)
             for i in range(size):
                 out[i] += left * (j[i, 2 * k + 1] * m)
                 slope[i] += left * (j[i, 2 * k + 1] * rate)

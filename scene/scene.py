@@ -110,9 +110,9 @@ class Scene:
         The driver's motion ``f(tau) = sum_j a_j sin(j tau + phi_j)``, in place of the default ``sin
         tau``.
     correlation_time : float
-        Memory of the noise, in units of ``1 / omega``: the modulation is an Ornstein-Uhlenbeck
-        process with the spectrum of white noise of the same `sigma` at frequency 0.  0 (white
-        noise), or 1e-4 to 1e6.
+        Memory of the noise, in units of ``1 / omega``: it is an Ornstein-Uhlenbeck process with
+        the spectrum of white noise of the same `sigma` at frequency 0.  0 (white noise), or 1e-4
+        to 1e6; of several noises each is white.
     noise : str, int or dict
         What the noise acts on: ``drive``, which it modulates, or the name or number of a wheel or
         body, on which it is a random force: ``sigma`` times white noise is added to its
@@ -293,8 +293,8 @@ class Scene:
     def _check_noise(self) -> None:
         """Check that the noise acts on something that the scene has."""
         object.__setattr__(self, "noise", read_noise(self.noise, self.wheel_names))
-        if self.correlation_time and self.noise_sources != [(0, 1.0)]:
-            why = "noise with a memory modulates the drive; a random force is white: 0"
+        if self.correlation_time and len(self.noise_sources) > 1:
+            why = "of several noises each is white, 0; a single one may have a memory"
             raise InputError("correlation_time", self.correlation_time, why)
 
     @property

@@ -56,7 +56,7 @@ def lock(c: Constants, closed: Ints, bodies: Bodies) -> None:
                 body.carry = wheel.ratio * bodies[wheel.parent].carry
         body.mass = wheel.mass
         body.beta = wheel.mass * wheel.beta
-        body.gamma = wheel.mass * wheel.gamma
+        body.gamma = wheel.mass * (wheel.gamma + c.pressing * wheel.own)
         body.own = wheel.mass * wheel.own
         body.alone = (wheel.mass * wheel.alone) ** 2
     for i in range(c.wheels.size - 1, -1, -1):
@@ -96,7 +96,7 @@ def contact_motion(c: Constants, driver: Driver, s: Floats, closed: Ints, bodies
             body.speed = wheel.turn * speed - wheel.sign * s[2 * i + 1]
         else:
             body.speed = wheel.ratio * bodies[wheel.parent].speed + s[2 * i + 1]
-        held = wheel.gamma - wheel.stiffness * s[2 * i]
+        held = wheel.gamma + c.pressing * wheel.own - wheel.stiffness * s[2 * i]
         body.pull = wheel.mass * (wheel.beta * body.speed + held)
     for i in range(c.wheels.size - 1, -1, -1):
         wheel = c.wheels[i]

@@ -164,3 +164,4 @@ class Constants(NamedTuple):
     drive: Any = SINE  # `SINE` or `Orders`
     memory: float = 0.0  # correlation time of the noise; 0 for white noise
     modulates: float = 1.0  # 1 where the noise modulates the drive, 0 where it acts on a wheel
+    pressing: float = 0.0  # the noise's force on wheels, where it is known for a while

@@ -70,7 +70,14 @@ def restitution_pieces(table: Sequence[tuple[float, float]]) -> Floats:
 def with_wheels(c: Constants, wheels: Wheels) -> Constants:
     """The constants of a scene with other wheels.  Spliced, for only the caller knows whether
     references are counted."""
-    return Constants(c.alpha, c.sigma, wheels, c.drive, c.memory, c.modulates)
+    return Constants(c.alpha, c.sigma, wheels, c.drive, c.memory, c.modulates, c.pressing)
+
+
+@splice
+def with_known_noise(c: Constants, noise: float) -> Constants:
+    """The constants while the common noise has a known value, for what keeps meshes closed."""
+    alpha = c.alpha + c.modulates * noise
+    return Constants(alpha, c.sigma, c.wheels, c.drive, c.memory, c.modulates, noise)
 
 
 @inline

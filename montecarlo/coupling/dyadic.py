@@ -52,7 +52,7 @@ from rattle.scene.sticking import (
     take_open,
 )
 from rattle.scene.types import BODY
-from rattle.scene.wheel import flanks_of, nearest_wall
+from rattle.scene.wheel import flanks_of, nearest_wall, with_known_noise
 
 Pair = tuple[float, float]
 
@@ -299,8 +299,9 @@ def _rests(s: Floats) -> bool:
 
 
 @internal
-def _close_resting(tree: Tree, tau: float, alpha: float, held: Ints) -> None:
-    """Close, beside those that are held, the meshes at rest that an excitation presses shut."""
+def _close_resting(tree: Tree, tau: float, noise: float, held: Ints) -> None:
+    """Close, beside those that are held, the meshes at rest that a noise of known value keeps
+    shut."""
     not_inlined()
     c = tree.c
     room = tree.room
@@ -310,7 +311,7 @@ def _close_resting(tree: Tree, tau: float, alpha: float, held: Ints) -> None:
         side, distance = nearest_wall(c, i, s[2 * i])
         if s[2 * i + 1] == 0.0 and distance == 0.0:
             touching[i] = side
-    pushed = Constants(alpha, c.sigma, c.wheels, c.drive, c.memory, c.modulates)
+    pushed = with_known_noise(c, noise)
     sticking = np.empty(held.size, np.int64)
     driver = velocity_acceleration(c.drive, tau)
     find_sticking(pushed, driver, s, touching, sticking, np.empty(held.size, BODY))
@@ -352,7 +353,7 @@ def _leaf(
     held = room.sides.copy()
     while n < len(hits):
         if _rests(s):
-            _close_resting(tree, tau + gone, c.alpha + c.sigma * increment / h, held)
+            _close_resting(tree, tau + gone, c.sigma * increment / h, held)
         if is_any(room.sides):
             t, code = _reach_wall_beside(tree, tau + gone, left, h, increment)
         else:
@@ -465,7 +466,7 @@ def _close_for_step(tree: Tree, tau: float) -> None:
     not_inlined()
     c = tree.c
     room = tree.room
-    _close_resting(tree, tau, c.alpha, room.sides.copy())
+    _close_resting(tree, tau, 0.0, room.sides.copy())
     bodies = np.empty(room.sides.size, BODY)
     contact_motion(c, velocity_acceleration(c.drive, tau), room.state, room.sides, bodies)
     leave_lifted(c, tree.clock.h, room.sides, c.sigma, bodies)

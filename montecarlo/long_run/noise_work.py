@@ -27,13 +27,15 @@ STRONGEST_NOISE = 2.5
 
 def has_controls(c: Constants) -> bool:
     """Whether a scene has these control variates: white noise of the drive alone, one order, no
-    spring, and a speed known over a piece."""
+    spring, a restitution that is not random, since a piece begins with the speed after an impact,
+    and a speed known over a piece."""
     return (
         c.sigma > 0.0
         and c.memory == 0.0
         and not c.drive
         and c.modulates > 0.0
         and not c.wheels["alone"].any()
+        and not c.wheels["variance"].any()
         and float(c.wheels["stiffness"].max()) == 0.0
         and float(c.wheels["beta"].max()) <= STRONGEST_NOISE
     )

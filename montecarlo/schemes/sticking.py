@@ -50,7 +50,7 @@ from rattle.scene.sticking import (
     write_bodies,
 )
 from rattle.scene.types import Bodies
-from rattle.scene.wheel import with_wheels
+from rattle.scene.wheel import with_known_noise, with_wheels
 
 # bound on the rate of fast impacts at a closed mesh, over ``exp(-tail w)``, in its units of time:
 # 0.2 to 1.2 for restitutions up to 0.9 and speeds of 4 to 8 units, in 4e5 units of time each
@@ -101,7 +101,7 @@ def find_closed(c: Constants, at: Progress, scratch: Scratch, quiet: Quiet) -> t
     """The meshes that are closed for what is left of a step: those that stick, or that noise moves
     too little to be followed.
 
-    Noise with a memory is a known force within a step, and part of the drive's.
+    Noise with a memory is a known force within a step.
     """
     slow = False
     for i in range(c.wheels.size):
@@ -125,8 +125,7 @@ def _close_slow(c: Constants, at: Progress, scratch: Scratch, quiet: Quiet) -> f
     are not followed there, or -1 where none is closed."""
     spread = c.sigma
     if c.memory > 0.0:
-        alpha = c.alpha + c.sigma * at.noise.increment / at.left
-        c = Constants(alpha, c.sigma, c.wheels, c.drive, c.memory, c.modulates)
+        c = with_known_noise(c, c.sigma * at.noise.increment / at.left)
         spread = 0.0
     put_all(scratch.unfollowed[0], 0.0)
     put_all(scratch.unfollowed[1], 0.0)
@@ -276,7 +275,8 @@ def _bounce(
     its parent is `moving`, of both towards each other."""
     wheel = c.wheels[i]
     u = scratch.bodies[i].speed
-    pull = wheel.beta * u + wheel.gamma
+    steady = wheel.gamma + c.pressing * wheel.own
+    pull = wheel.beta * u + steady
     if not moving:
         towards = side * wheel.sign
         m = wheel.turn * (driver[1] + wheel.beta * driver[0])
@@ -285,7 +285,7 @@ def _bounce(
         end_noise = c.modulates * end_m + wheel.own
         speed = wheel.turn * c.alpha * driver[0] - u
         push = towards * (pull + wheel.turn * c.alpha * driver[1])
-        later = towards * (wheel.gamma + c.alpha * end_m)
+        later = towards * (steady + c.alpha * end_m)
         half = 0.5 * wheel.mass
         alone = half * wheel.alone * wheel.alone
         power = half * noise * noise + alone
@@ -294,8 +294,8 @@ def _bounce(
     # the common speed of both wheels hardly changes
     parent = c.wheels[wheel.parent]
     by_parent = scratch.bodies[wheel.parent].speed
-    others = wheel.ratio * (parent.beta * by_parent + parent.gamma)
-    end_pull = wheel.beta * wheel.ratio * by_parent + wheel.gamma
+    others = wheel.ratio * (parent.beta * by_parent + parent.gamma + c.pressing * parent.own)
+    end_pull = wheel.beta * wheel.ratio * by_parent + steady
     mass = wheel.mass * (1.0 - wheel.share)
     m = c.modulates * wheel.first * driver[0] + wheel.force
     end_m = c.modulates * wheel.first * ahead[0] + wheel.force
