@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rattle.montecarlo.diagnostics.lateness import find_lateness
+from rattle.montecarlo.diagnostics.lateness import find_kinks, find_lateness
 from rattle.montecarlo.diagnostics.reach import Reach
 from rattle.montecarlo.kernel.block import (
     BlockResult,
@@ -531,8 +531,9 @@ class Ensemble(SectionResult):
         ``bias`` is the first-order estimate of (this run - limit): the change from dt to 2 dt;
         ``corrected = value - bias`` is Richardson's extrapolation; ``rest`` estimates what is left:
         a third of the change from the same extrapolation of 2 dt and 4 dt, and more of it where the
-        changes fall more slowly than the step.  Where impacts are detected at the end of a step and
-        spread over less than a few steps, the error of paths without noise is added.
+        changes fall more slowly than the step.  Where impacts spread over less than a few steps,
+        the error of paths without noise counts too: all of it where impacts are detected at the end
+        of a step, else what extrapolation misses of it.
 
         A scheme without a bias in the step has 0, and its own values.
 
@@ -572,6 +573,8 @@ class Ensemble(SectionResult):
             own = self._statistics[moment][:, i]
             found["rest"] = found["rest"] + 2.0 * np.abs(own - found["corrected"] - found["bias"])
             found["corrected"] = own - found["bias"]
+        if moment == "mean":
+            found["rest"] = np.fmax(found["rest"], np.abs(self._kinks[:, i] - found["bias"]))
         late = self.lateness[:, i]
         found["rest"] = found["rest"] + np.where(late > 0.0, late + np.abs(found["bias"]), 0.0)
         if name == "tau":  # counted from the phase, and said in absolute time
@@ -583,6 +586,11 @@ class Ensemble(SectionResult):
         """What impacts that are detected late may do to the section, where extrapolation cannot
         see it."""
         return find_lateness(self.plan, self._statistics["sd"][:, 0])
+
+    @cached_property
+    def _kinks(self) -> Floats:
+        """The error of the path without noise, where extrapolation may miss it."""
+        return find_kinks(self.plan, self._statistics["sd"][:, 0])
 
     @cached_property
     def _step_biases(self) -> dict[str, statistics.StepBias]:

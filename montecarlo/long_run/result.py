@@ -247,7 +247,7 @@ class LongRun:
 
     def energy_balance(self) -> tuple[Floats, Floats]:
         """Energy lost in impacts, and energy supplied, per unit of time on each path (docs/model.md
-        section 10).
+        section 10), by white noise.
 
         Returns: Their means agree within the standard error of the mean of their difference, as
         long as no mesh is closed, and noise spreads the impacts over the phase: what is supplied is
