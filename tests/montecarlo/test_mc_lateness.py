@@ -3,7 +3,8 @@
 import numpy as np
 
 import rattle as rt
-from rattle import DAT21, Scene
+from rattle import DAT21, Scene, Start, Wheel
+from rattle.montecarlo.statistics.section_statistics import extrapolate
 
 QUIET = Scene.from_gears(DAT21, sigma=0.01)
 
@@ -36,3 +37,29 @@ def test_much_noise_smooths_it():
     loud = QUIET.with_sigma(0.5)
     run = rt.simulate(loud, paths=2_000, impacts=2, dt=2e-3, scheme="euler-maruyama", rng=1)
     assert not run.lateness.any()
+
+
+def test_the_rest_covers_what_extrapolation_misses_in_a_flight_of_few_steps():
+    """Nearly no noise, and a first flight of about five steps, at 16 steps: the mean impacts within
+    four standard errors and the rest; what three step sizes tell alone misses some."""
+    missed = 0
+    for number in range(16):
+        scene = Scene(
+            alpha=1.0,
+            epsilon=0.8,
+            sigma=1e-6,
+            wheels=[Wheel(gamma=1.0, one_sided=True, gap=0.0)],
+            noise=1,
+            start=Start(0.5, -0.1, 1.0),
+        )
+        given = {"paths": 256, "impacts": 1, "rng": 1}
+        truth = rt.simulate(scene, **given).step_bias.query("moment == 'mean'")
+        dt = (0.019 + 1e-4 * number) * truth["corrected"].iloc[1] / 0.1
+        run = rt.simulate(scene, dt=dt, scheme="euler-maruyama-located", **given)
+        rows = run.step_bias.query("moment == 'mean'")
+        error = np.abs(rows["corrected"] - truth["corrected"])
+        by_chance = 4.0 * np.hypot(rows["se_corrected"], truth["se_corrected"]) + 1e-12
+        assert (error <= rows["rest"] * (1.0 + 1e-9) + by_chance).all()
+        means = extrapolate(run.result.sums["fine_coarse"], run.result.sums["coarse_coarser"])
+        missed += (error > means["mean"].rest[0] + by_chance).any()
+    assert missed > 0

@@ -19,7 +19,8 @@ FAINT = 1e-9  # noise over the speed, in which a chaotic ball too is linear for 
 
 def draw(kind, number, most_stiffness=300.0):
     """A body at the same random place of its ranges whatever the most that a spring may have; its
-    noise adds a speed of 3 to 100 % of that of its start in a unit of time."""
+    noise, of the drive, its own or both, adds a speed of 3 to 100 % of that of its start in a unit
+    of time."""
     rng = np.random.default_rng([7, KINDS.index(kind), number])
 
     def size(least, most):
@@ -40,7 +41,10 @@ def draw(kind, number, most_stiffness=300.0):
     x = body.gap - rng.uniform(0.1, 1.5) * gap
     speed = alpha + gap * math.sqrt(1.0 + body.stiffness) + math.sqrt(body.gamma * gap)
     start = Start(rng.uniform(0.0, 6.0), x, rng.choice([-1.0, 1.0]) * speed)
-    noise = "drive" if alpha and rng.random() < 0.5 else "body"
+    share = rng.random()
+    noise = "body" if share < 1 / 3 or not alpha else "drive"
+    if alpha and share > 2 / 3:
+        noise = {"drive": 1.0, "body": 3.0 * share - 1.5}
     sigma = size(0.03, 1.0) * speed
     return Scene(alpha=alpha, sigma=sigma, noise=noise, wheels=[body], start=start)
 
@@ -48,6 +52,12 @@ def draw(kind, number, most_stiffness=300.0):
 def scenes(**ranges):
     """All sets of all kinds."""
     return [draw(kind, number, **ranges) for kind in KINDS for number in range(SETS)]
+
+
+def test_every_kind_of_noise_is_drawn():
+    noises = [scene.noise for scene in scenes()]
+    assert {"drive", "body"} < set(noises)
+    assert sum(isinstance(noise, tuple) for noise in noises) >= 3
 
 
 def test_sampling_agrees_with_the_closure_at_small_noise():

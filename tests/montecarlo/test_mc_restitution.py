@@ -137,22 +137,31 @@ def test_a_table_is_met_falls_and_has_a_slope_everywhere():
 
 def test_a_table_made_of_the_formula_gives_what_the_formula_gives():
     """Rows 0.15 apart where impacts are: orbit, closures, energy lost and sampled paths, and what a
-    locked chain of wheels returns."""
+    locked chain of wheels returns; a table for another speed of the formula is seen in each."""
     formula = chain(Restitution(speed=4.0), 0.02)
     speeds = np.array([1e-3, *np.linspace(0.2, 2.2, 14), 6.0])
-    table = Restitution(table=zip(speeds, 0.9 * (1.0 + speeds / 4.0) ** -0.25, strict=True))
-    dense = chain(table, 0.02)
-    assert follow(dense, 4).before == pytest.approx(follow(formula, 4).before, abs=2e-6)
+    dense, wrong = (
+        chain(Restitution(table=zip(speeds, 0.9 * (1.0 + speeds / v) ** -0.25, strict=True)), 0.02)
+        for v in (4.0, 4.001)
+    )
+    of_formula = pytest.approx(follow(formula, 4).before, abs=2e-6)
+    assert follow(dense, 4).before == of_formula
+    assert follow(wrong, 4).before != of_formula
     names = [f"{kind}{q}" for q in ("tau", "y1", "y2") for kind in ("", "sd_")]
     for closure in ("saltation", "branching"):
-        of_table, of_formula = (
-            mean_map(scene, impacts=4, closure=closure).section[names] for scene in (dense, formula)
+        right, planted, truth = (
+            mean_map(scene, impacts=4, closure=closure).section[names].to_numpy()
+            for scene in (dense, wrong, formula)
         )
-        assert of_table.to_numpy() == pytest.approx(of_formula.to_numpy(), abs=5e-6), closure
+        assert right == pytest.approx(truth, abs=5e-6), closure
+        assert planted != pytest.approx(truth, abs=5e-6), closure
     settings = {"paths": 500, "impacts": 4, "rng": 3, "record": Record(energy=True)}
-    of_table, of_formula = (simulate(scene, **settings).section for scene in (dense, formula))
-    sampled = [*names, "energy"]
-    assert of_table[sampled].to_numpy() == pytest.approx(of_formula[sampled].to_numpy(), abs=5e-6)
+    right, planted, truth = (
+        simulate(scene, **settings).section[[*names, "energy"]].to_numpy()
+        for scene in (dense, wrong, formula)
+    )
+    assert right == pytest.approx(truth, abs=5e-6)
+    assert planted != pytest.approx(truth, abs=5e-6)
     for scene in (dense, formula):
         body = np.array([0.0, 1.3])
         strike(as_bodies(scene.constants, np.array([1, 0])), 1, body)

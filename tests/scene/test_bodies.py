@@ -234,13 +234,6 @@ ANY = Wheel(name="any")
 REFUSED = {
     "unknown noise": ({}, {"noise": "bal"}, "noise", "bal", "one of: drive, ball"),
     "noise on no body": ({}, {"noise": 2}, "noise", 2, "one of: drive, ball"),
-    "memory": (
-        {},
-        {"noise": "ball", "correlation_time": 0.3},
-        "correlation_time",
-        0.3,
-        "a random force is white",
-    ),
     "two noises of one body": (
         {},
         {"noise": {1: 0.2, "ball": 0.3}},
@@ -256,7 +249,7 @@ REFUSED = {
         {"noise": {"drive": 1, "ball": 1.0}, "correlation_time": 0.3},
         "correlation_time",
         0.3,
-        "a random force is white",
+        "of several noises each is white",
     ),
     "stiffness": ({"stiffness": -1.0}, {}, "wheel.stiffness", -1.0, "0 or greater"),
     "stiffness of no number": ({"stiffness": math.nan}, {}, "wheel.stiffness", None, "finite"),
