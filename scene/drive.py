@@ -172,6 +172,28 @@ def highest_order(drive: Any) -> float:
 
 
 @inline
+def whole_periods(t: float) -> tuple[int, float]:
+    """The periods in a time, and what is left of it to rounding."""
+    periods = int(t / PERIOD)
+    quarters = 4.0 * periods
+    rest = t - quarters * QUARTER_HIGH - quarters * QUARTER_MIDDLE - quarters * QUARTER_LOW
+    return periods, rest
+
+
+@inline
+def motion_after(drive: Any, tau: float, t: float) -> tuple[float, float]:
+    """Velocity and acceleration a time t after `tau`; of one order to rounding also where they
+    vanish at `tau`, and t is short."""
+    if len(drive) != 0:
+        return velocity_acceleration(drive, tau + t)
+    sine = math.sin(tau)
+    cosine = math.cos(tau)
+    sine_t = math.sin(t)
+    cosine_t = math.cos(t)
+    return cosine * cosine_t - sine * sine_t, -(sine * cosine_t + cosine * sine_t)
+
+
+@inline
 def most_velocity(drive: Any) -> float:
     """Bound of ``|f'|``."""
     return 1.0 if len(drive) == 0 else drive.most1

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from rattle.scene.compiled import internal, jit, not_inlined, splice
+from rattle.scene.compiled import internal, jit, not_inlined
 from rattle.scene.damping import Damped, damped, pair
 from rattle.scene.drive import (
     PERIOD,
@@ -22,12 +22,14 @@ from rattle.scene.drive import (
     excite,
     highest_order,
     jerk,
+    motion_after,
     sine_cosine,
     velocity,
     velocity_acceleration,
+    whole_periods,
 )
 from rattle.scene.elementary import gauss_legendre
-from rattle.scene.linear_algebra import congruence, put
+from rattle.scene.linear_algebra import congruence
 from rattle.scene.spring import sprung
 from rattle.scene.types import Constants, Floats
 
@@ -365,84 +367,46 @@ def _respond(
         g[2 * i + 1] = wheel.turn * (cosine * faster - sine * q.d12)
 
 
-@splice
-def _harmonics(c: Constants, apart: Floats, h: float) -> Floats:
-    """Covariance of unit noise over a time h: the terms in ``sin^2``, ``sin cos`` and ``cos^2`` of
-    the initial phase.
+@internal
+def _over_panels(c: Constants, source: int, apart: Floats, tau: float, t: float) -> Floats:
+    """Covariance of unit noise by Gauss-Legendre quadrature on panels of the lag before the end.
 
-    Shape (3, 2 wheels, 2 wheels); by Gauss-Legendre quadrature over the lag before the end.
+    Panels grow with the lag, for what is damped fast is over by then; a spring swings on.
     """
     size = 2 * c.wheels.size
-    q = np.zeros((3, size, size))
-    g = np.empty((2, size))
-    for n in range(NODES.size):
-        since = h * NODES[NODES.size - 1 - n]
-        sine = math.sin(since)
-        cosine = math.cos(since)
-        _respond(c, COMMON, apart, h * NODES[n], cosine, -sine, g[0])
-        _respond(c, COMMON, apart, h * NODES[n], sine, cosine, g[1])
-        w = h * WEIGHTS[n]
-        for i in range(size):
-            for j in range(size):
-                q[0, i, j] += w * g[0, i] * g[0, j]
-                q[1, i, j] += w * (g[0, i] * g[1, j] + g[1, i] * g[0, j])
-                q[2, i, j] += w * g[1, i] * g[1, j]
-    return q
-
-
-@splice
-def _double(q: Floats, j: Floats, h: float) -> Floats:
-    """`_harmonics` of twice the time: first half propagated by `j` through the second, plus the
-    second, its phase shifted."""
-    s = math.sin(h)
-    k = math.cos(h)
-    out = np.empty(q.shape)
-    for part in range(3):
-        put(out[part], congruence(j, q[part]))
-    for a in range(q.shape[1]):
-        for b in range(q.shape[2]):
-            out[0, a, b] += k * k * q[0, a, b] - k * s * q[1, a, b] + s * s * q[2, a, b]
-            out[1, a, b] += 2.0 * k * s * (q[0, a, b] - q[2, a, b]) + (k - s) * (k + s) * q[1, a, b]
-            out[2, a, b] += s * s * q[0, a, b] + k * s * q[1, a, b] + k * k * q[2, a, b]
-    return out
-
-
-@internal
-def _over_panels(
-    c: Constants, source: int, v: Floats, apart: Floats, tau: float, t: float, panel: float
-) -> Floats:
-    """Covariance of unit noise by Gauss-Legendre quadrature on panels, each propagated through the
-    next."""
-    size = 2 * c.wheels.size
-    panels = max(1, math.ceil(t / panel))
-    h = t / panels
-    j = _propagate(c, v, apart, h)
+    swing = 0.0
+    for i in range(c.wheels.size):
+        swing = max(swing, c.wheels[i].stiffness)
+    swing = math.sqrt(swing)
+    longest = PANEL / max(highest_order(c.drive), swing)
+    panel = PANEL / max(fastest_rate(c), highest_order(c.drive))
     q = np.zeros((size, size))
     g = np.zeros(size)
-    for k in range(panels):
-        if k > 0:
-            q = congruence(j, q)
+    past = 0.0
+    while past < t:
+        h = min(panel, t - past)
         for n in range(NODES.size):
-            begin = tau + (k + NODES[NODES.size - 1 - n]) * h
-            first, second = velocity_acceleration(c.drive, begin)
-            _respond(c, source, apart, h * NODES[n], -second, first, g)
+            lag = past + h * NODES[n]
+            first, second = motion_after(c.drive, tau, t - lag)
+            _respond(c, source, apart, lag, -second, first, g)
             for a in range(size):
                 for b in range(size):
                     q[a, b] += h * WEIGHTS[n] * (g[a] * g[b])
+        past += h
+        panel = min(2.0 * panel, longest)
     return q
 
 
 @internal
-def _over_orders(
-    c: Constants, source: int, v: Floats, apart: Floats, tau: float, t: float, panel: float
+def _over_periods(
+    c: Constants, source: int, v: Floats, apart: Floats, tau: float, t: float
 ) -> Floats:
-    """Covariance of unit noise for a drive of several orders, or of noise on a wheel itself: whole
-    periods by doubling, then the rest of the time."""
-    periods = int(t / PERIOD)
-    rest = t - periods * PERIOD
+    """Covariance of the coordinates of `noise_covariance` by unit noise: whole periods by doubling,
+    then the rest of the time."""
+    periods, rest = whole_periods(t)
     out = np.zeros((2 * c.wheels.size, 2 * c.wheels.size))
     if periods > 0:
-        q = _over_panels(c, source, v, apart, tau, PERIOD, panel)
+        q = _over_panels(c, source, apart, tau, PERIOD)
         h = PERIOD
         while True:
             if periods & 1:
@@ -453,35 +417,8 @@ def _over_orders(
             q = congruence(_propagate(c, v, apart, h), q) + q
             h *= 2.0
         out = congruence(_propagate(c, v, apart, rest), out)
-    total: Floats = out + _over_panels(c, source, v, apart, tau, rest, panel)
+    total: Floats = out + _over_panels(c, source, apart, tau, rest)
     return total
-
-
-@internal
-def _covariance(drive: Any, c: Constants, v: Floats, apart: Floats, tau: float, t: float) -> Floats:
-    """Covariance of the coordinates of `noise_covariance` by unit noise."""
-    fastest = fastest_rate(c)
-    panel = min(PANEL, 2.0 / fastest) if fastest > 0.0 else PANEL
-    if len(drive) != 0 or c.modulates == 0.0:
-        panel = min(panel, PANEL / highest_order(drive))
-        return _over_orders(c, COMMON, v, apart, tau, t, panel)
-    h = t
-    doublings = 0
-    while h > panel:
-        h *= 0.5
-        doublings += 1
-    q = _harmonics(c, apart, h)
-    for _ in range(doublings):
-        q = _double(q, _propagate(c, v, apart, h), h)
-        h *= 2.0
-    sine = math.sin(tau)
-    cosine = math.cos(tau)
-    out = np.empty(q.shape[1:])
-    for i in range(q.shape[1]):
-        for j in range(q.shape[2]):
-            mixed = sine * (sine * q[0, i, j] + cosine * q[1, i, j])
-            out[i, j] = mixed + cosine * cosine * q[2, i, j]
-    return out
 
 
 @internal
@@ -504,10 +441,9 @@ def noise_covariance(c: Constants, tau: float, t: float) -> Floats:
     """Covariance of the state that the noise adds in a flight of time `t` from `tau`.
 
     ``sigma^2 int exp(A r) m m' exp(A' r) dr`` over the lag r before the end of the flight, ``m``
-    the modulation of Eq. 5.  The flight is halved until Gauss-Legendre quadrature is exact to
-    rounding, then doubled again: a flight of time 1e6 takes twenty doublings.  With several orders
-    a period is summed panel by panel, and then doubled.  Independent noises of single wheels add
-    covariances of their own.
+    the modulation of Eq. 5.  A period is summed on panels on which Gauss-Legendre quadrature is
+    exact to rounding, and then doubled: a flight of time 1e6 takes eighteen doublings.  Independent
+    noises of single wheels add covariances of their own.
 
     A wheel whose damping differs much from its parent's is integrated by its own deviation, which
     decouples the two.  Elsewhere the gap itself is integrated: its small variance would be lost as
@@ -526,12 +462,10 @@ def noise_covariance(c: Constants, tau: float, t: float) -> Floats:
             carried = wheel.ratio * v[wheel.parent, j] if wheel.parent >= 0 else 0.0
             v[i, j] = 0.0 if apart[i] != 0.0 else carried
             gaps[i, j] = carried if apart[i] != 0.0 else 0.0
-    out = _covariance(c.drive, c, v, apart, tau, t)
-    fastest = fastest_rate(c)
-    for i in range(c.wheels.size):
-        if c.wheels[i].alone > 0.0:
-            panel = min(PANEL, 2.0 / fastest) if fastest > 0.0 else PANEL
-            out += _over_orders(c, i, v, apart, tau, t, panel)
+    out = np.zeros((size, size))
+    for source in range(COMMON, c.wheels.size):
+        if source == COMMON or c.wheels[source].alone > 0.0:
+            out += _over_periods(c, source, v, apart, tau, t)
     to_gaps = np.zeros((size, size))
     square = c.sigma * c.sigma
     for i in range(c.wheels.size):
