@@ -85,16 +85,16 @@ def after_impact(c: Constants, raw: Floats) -> Floats:
     return out
 
 
-@jit
+@np.errstate(all="ignore")
 def _counter_mesh(
     c: Constants, tau: float, mean: Floats, shift: Floats, raw: Floats, windows: Floats
 ) -> tuple[float, int]:
     """The smaller time at which ``E[x_i] = -E[x_i]_k``, and its stage; stage 0 if there is none."""
     earlier = 0.0
-    before = beyond(mean, 1.0, mean)
+    before = mean + mean
     while earlier < LONGEST_MAPPED_FLIGHT:
         later = earlier + SCAN
-        now = beyond(_in_flight(c, tau, mean, shift, raw, later, windows)[0], 1.0, mean)
+        now = _in_flight(c, tau, mean, shift, raw, later, windows)[0] + mean
         best = np.inf
         stage = 0
         for i in range(c.wheels.size):

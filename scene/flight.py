@@ -29,7 +29,7 @@ from rattle.scene.drive import (
     whole_periods,
 )
 from rattle.scene.elementary import gauss_legendre
-from rattle.scene.linear_algebra import congruence
+from rattle.scene.linear_algebra import add, congruence
 from rattle.scene.spring import sprung
 from rattle.scene.types import Constants, Floats
 
@@ -404,21 +404,22 @@ def _over_periods(
     """Covariance of the coordinates of `noise_covariance` by unit noise: whole periods by doubling,
     then the rest of the time."""
     periods, rest = whole_periods(t)
-    out = np.zeros((2 * c.wheels.size, 2 * c.wheels.size))
+    out = _over_panels(c, source, apart, tau, rest)
     if periods > 0:
+        whole = np.zeros(out.shape)
         q = _over_panels(c, source, apart, tau, PERIOD)
         h = PERIOD
-        while True:
+        while periods > 0:
+            carry = _propagate(c, v, apart, h)
             if periods & 1:
-                out = congruence(_propagate(c, v, apart, h), out) + q
+                whole = congruence(carry, whole)
+                add(whole, q)
+            later = congruence(carry, q)
+            add(q, later)
             periods >>= 1
-            if periods == 0:
-                break
-            q = congruence(_propagate(c, v, apart, h), q) + q
             h *= 2.0
-        out = congruence(_propagate(c, v, apart, rest), out)
-    total: Floats = out + _over_panels(c, source, apart, tau, rest)
-    return total
+        add(out, congruence(_propagate(c, v, apart, rest), whole))
+    return out
 
 
 @internal
@@ -465,7 +466,7 @@ def noise_covariance(c: Constants, tau: float, t: float) -> Floats:
     out = np.zeros((size, size))
     for source in range(COMMON, c.wheels.size):
         if source == COMMON or c.wheels[source].alone > 0.0:
-            out += _over_periods(c, source, v, apart, tau, t)
+            add(out, _over_periods(c, source, v, apart, tau, t))
     to_gaps = np.zeros((size, size))
     square = c.sigma * c.sigma
     for i in range(c.wheels.size):

@@ -103,6 +103,17 @@ def put(to: Floats, values: Floats) -> None:
 
 
 @internal
+def add(to: Floats, values: Floats) -> None:
+    """Add a matrix to another one.
+
+    Shapes: `to`, `values` (m, n).
+    """
+    for i in range(to.shape[0]):
+        for j in range(to.shape[1]):
+            to[i, j] += values[i, j]
+
+
+@internal
 def apply(matrix: Floats, v: Floats) -> Floats:
     """``A v``, a vector after a linear map.
 

@@ -23,7 +23,7 @@ from rattle.scene import Constants, Floats
 from rattle.scene.compiled import jit
 from rattle.scene.flight import flow, jacobian, noise_covariance
 from rattle.scene.impact import add_scatter, next_impact, strike
-from rattle.scene.linear_algebra import apply, congruence, put, put_row
+from rattle.scene.linear_algebra import add, apply, congruence, put, put_row
 from rattle.scene.orbit import Impacts, empty_legs, fill_impacts, put_impact
 from rattle.scene.tangent import saltation_matrix
 
@@ -65,8 +65,8 @@ def _covariances(
     for n in range(times.size):
         t = times[n]
         put_row(means[n], flow(c, tau, after, t))
-        carried = congruence(jacobian(c, t), start)
-        put(spread[n], noise_covariance(c, tau, t) + carried)
+        put(spread[n], noise_covariance(c, tau, t))
+        add(spread[n], congruence(jacobian(c, t), start))
 
 
 def follow_on(c: Constants, tau: float, state: Floats, mesh: int, rows: Floats) -> None:
