@@ -27,7 +27,7 @@ from rattle.scene.drive import (
     velocity_acceleration,
 )
 from rattle.scene.elementary import gauss_legendre
-from rattle.scene.linear_algebra import congruence, put
+from rattle.scene.linear_algebra import add_outer, congruence, put
 from rattle.scene.spring import sprung
 from rattle.scene.types import Constants, Floats
 
@@ -66,8 +66,7 @@ def deviations(c: Constants) -> Floats:
     Shapes: result (wheels, wheels).
     """
     v = np.zeros((c.wheels.size, c.wheels.size))
-    for i in range(c.wheels.size):
-        wheel = c.wheels[i]
+    for i, wheel in enumerate(c.wheels):
         v[i, i] = wheel.sign
         if wheel.parent >= 0:
             for j in range(i):
@@ -88,8 +87,8 @@ def respond(c: Constants, i: int, t: float) -> Damped:
 def fastest_rate(c: Constants) -> float:
     """A bound of the rates at which wheels relax or swing."""
     fastest = 0.0
-    for i in range(c.wheels.size):
-        fastest = max(fastest, c.wheels[i].fastest)
+    for wheel in c.wheels:
+        fastest = max(fastest, wheel.fastest)
     return fastest
 
 
@@ -169,8 +168,7 @@ def displace(c: Constants, tau: float, u: Floats, s: Floats, t: float, out: Floa
 
     Shapes: `u` (wheels,), the wheels' speeds at the start; `s`, `out` (2 wheels,).
     """
-    for i in range(c.wheels.size):
-        wheel = c.wheels[i]
+    for i, wheel in enumerate(c.wheels):
         y = s[2 * i + 1]
         if wheel.parent < 0:
             p = respond(c, i, t)
@@ -214,16 +212,17 @@ def field(c: Constants, tau: float, s: Floats) -> Floats:
     """
     u = wheel_speeds(c, tau, s)
     f = np.empty(s.size)
-    for i in range(c.wheels.size):
-        wheel = c.wheels[i]
-        f[2 * i] = s[2 * i + 1]
+    for i, wheel in enumerate(c.wheels):
+        x = 2 * i
+        y = x + 1
+        f[x] = s[y]
         if wheel.parent < 0:
             pull = wheel.beta * u[i] + wheel.gamma
             driver = wheel.turn * c.alpha * acceleration(c.drive, tau)
-            f[2 * i + 1] = wheel.sign * (driver + pull) - wheel.stiffness * s[2 * i]
+            f[y] = wheel.sign * (driver + pull) - wheel.stiffness * s[x]
         else:
-            relative = -wheel.coupling * u[wheel.parent] - wheel.beta * s[2 * i + 1]
-            f[2 * i + 1] = relative + wheel.drag
+            relative = -wheel.coupling * u[wheel.parent] - wheel.beta * s[y]
+            f[y] = relative + wheel.drag
     return f
 
 
@@ -236,8 +235,7 @@ def field_rate(c: Constants, tau: float) -> Floats:
     f = np.zeros(2 * c.wheels.size)
     second = acceleration(c.drive, tau)
     third = jerk(c.drive, tau)
-    for i in range(c.wheels.size):
-        wheel = c.wheels[i]
+    for i, wheel in enumerate(c.wheels):
         f[2 * i + 1] = c.alpha * (wheel.second * third + wheel.first * second)
     return f
 
@@ -251,39 +249,41 @@ def system_matrix(c: Constants) -> Floats:
     size = 2 * c.wheels.size
     a = np.zeros((size, size))
     v = deviations(c)
-    for i in range(c.wheels.size):
-        wheel = c.wheels[i]
-        a[2 * i, 2 * i + 1] = 1.0
-        a[2 * i + 1, 2 * i] = -wheel.stiffness
-        a[2 * i + 1, 2 * i + 1] = -wheel.beta
+    for i, wheel in enumerate(c.wheels):
+        x = 2 * i
+        y = x + 1
+        a[x, y] = 1.0
+        a[y, x] = -wheel.stiffness
+        a[y, y] = -wheel.beta
         if wheel.parent >= 0:
             for j in range(i):
-                a[2 * i + 1, 2 * j + 1] = wheel.coupling * v[wheel.parent, j]
+                a[y, 2 * j + 1] = wheel.coupling * v[wheel.parent, j]
     return a
 
 
 @internal
-def _propagate(c: Constants, v: Floats, apart: Floats, t: float) -> Floats:
-    """``exp(A t)`` in coordinates in which the wheels' deviations are ``v = V y``; a wheel that
-    stands `apart` is its own coordinate, and flies by itself.
+def _propagate(c: Constants, v: Floats, t: float) -> Floats:
+    """``exp(A t)`` in coordinates in which the wheels' deviations are ``v = V y``; a wheel in whose
+    deviation that of its parent has no part is its own coordinate, and flies by itself.
 
-    Shapes: `v` (wheels, wheels); `apart` (wheels,); result (2 wheels, 2 wheels).
+    Shapes: `v` (wheels, wheels); result (2 wheels, 2 wheels).
     """
     size = 2 * c.wheels.size
     j = np.zeros((size, size))
-    for i in range(c.wheels.size):
-        wheel = c.wheels[i]
+    for i, wheel in enumerate(c.wheels):
         p = respond(c, i, t)
-        j[2 * i, 2 * i] = 1.0 - wheel.stiffness * p.g
-        j[2 * i, 2 * i + 1] = p.e
-        j[2 * i + 1, 2 * i] = -wheel.stiffness * p.e
-        j[2 * i + 1, 2 * i + 1] = p.d
-        if wheel.parent >= 0 and apart[i] == 0.0:
+        x = 2 * i
+        y = x + 1
+        j[x, x] = 1.0 - wheel.stiffness * p.g
+        j[x, y] = p.e
+        j[y, x] = -wheel.stiffness * p.e
+        j[y, y] = p.d
+        if wheel.parent >= 0 and v[i, wheel.parent] != 0.0:
             q = pair(c.wheels[wheel.parent].beta, wheel.beta, t)
             for k in range(i):
                 speed = wheel.ratio * v[wheel.parent, k]
-                j[2 * i, 2 * k + 1] = speed * q.e12
-                j[2 * i + 1, 2 * k + 1] = speed * q.d12
+                j[x, 2 * k + 1] = speed * q.e12
+                j[y, 2 * k + 1] = speed * q.d12
     return j
 
 
@@ -293,7 +293,7 @@ def jacobian(c: Constants, t: float) -> Floats:
 
     Shapes: result (2 wheels, 2 wheels).
     """
-    return _propagate(c, deviations(c), np.zeros(c.wheels.size), t)
+    return _propagate(c, deviations(c), t)
 
 
 @internal
@@ -317,18 +317,17 @@ def _intensity(c: Constants, source: int, i: int) -> float:
 
 
 @internal
-def _respond_own(c: Constants, source: int, apart: Floats, lag: float, g: Floats) -> None:
+def _respond_own(c: Constants, source: int, v: Floats, lag: float, g: Floats) -> None:
     """Response of the coordinates to unit noise that acts on wheels themselves, a lag earlier.
 
     Shapes: `g` (2 wheels,).
     """
-    for i in range(c.wheels.size):
-        wheel = c.wheels[i]
+    for i, wheel in enumerate(c.wheels):
         p = respond(c, i, lag)
         pushed = wheel.sign * _intensity(c, source, i)
         g[2 * i] = pushed * p.e
         g[2 * i + 1] = pushed * p.d
-        if wheel.parent >= 0 and apart[i] == 0.0:
+        if wheel.parent >= 0 and v[i, wheel.parent] != 0.0:
             parent = c.wheels[wheel.parent]
             others = damped(parent.beta, lag)
             carried = wheel.ratio * _intensity(c, source, wheel.parent)
@@ -338,7 +337,7 @@ def _respond_own(c: Constants, source: int, apart: Floats, lag: float, g: Floats
 
 @internal
 def _respond(
-    c: Constants, source: int, apart: Floats, lag: float, sine: float, cosine: float, g: Floats
+    c: Constants, source: int, v: Floats, lag: float, sine: float, cosine: float, g: Floats
 ) -> None:
     """Response of the coordinates to unit noise a lag earlier (see `noise_covariance`).
 
@@ -346,11 +345,10 @@ def _respond(
     orders there. Shapes: `g` (2 wheels,).
     """
     if c.modulates == 0.0 or source != COMMON:
-        _respond_own(c, source, apart, lag, g)
+        _respond_own(c, source, v, lag, g)
         return
-    for i in range(c.wheels.size):
-        wheel = c.wheels[i]
-        if wheel.parent < 0 or apart[i] != 0.0:
+    for i, wheel in enumerate(c.wheels):
+        if wheel.parent < 0 or v[i, wheel.parent] == 0.0:
             p = respond(c, i, lag)
             m = wheel.sign * wheel.turn * (wheel.beta * cosine - sine)
             g[2 * i] = p.e * m
@@ -366,7 +364,7 @@ def _respond(
 
 
 @splice
-def _harmonics(c: Constants, apart: Floats, h: float) -> Floats:
+def _harmonics(c: Constants, v: Floats, h: float) -> Floats:
     """Covariance of unit noise over a time h: the terms in ``sin^2``, ``sin cos`` and ``cos^2`` of
     the initial phase.
 
@@ -379,8 +377,8 @@ def _harmonics(c: Constants, apart: Floats, h: float) -> Floats:
         since = h * NODES[NODES.size - 1 - n]
         sine = math.sin(since)
         cosine = math.cos(since)
-        _respond(c, COMMON, apart, h * NODES[n], cosine, -sine, g[0])
-        _respond(c, COMMON, apart, h * NODES[n], sine, cosine, g[1])
+        _respond(c, COMMON, v, h * NODES[n], cosine, -sine, g[0])
+        _respond(c, COMMON, v, h * NODES[n], sine, cosine, g[1])
         w = h * WEIGHTS[n]
         for i in range(size):
             for j in range(size):
@@ -401,22 +399,25 @@ def _double(q: Floats, j: Floats, h: float) -> Floats:
         put(out[part], congruence(j, q[part]))
     for a in range(q.shape[1]):
         for b in range(q.shape[2]):
-            out[0, a, b] += k * k * q[0, a, b] - k * s * q[1, a, b] + s * s * q[2, a, b]
-            out[1, a, b] += 2.0 * k * s * (q[0, a, b] - q[2, a, b]) + (k - s) * (k + s) * q[1, a, b]
-            out[2, a, b] += s * s * q[0, a, b] + k * s * q[1, a, b] + k * k * q[2, a, b]
+            q0 = q[0, a, b]
+            q1 = q[1, a, b]
+            q2 = q[2, a, b]
+            out[0, a, b] += k * k * q0 - k * s * q1 + s * s * q2
+            out[1, a, b] += 2.0 * k * s * (q0 - q2) + (k - s) * (k + s) * q1
+            out[2, a, b] += s * s * q0 + k * s * q1 + k * k * q2
     return out
 
 
 @internal
 def _over_panels(
-    c: Constants, source: int, v: Floats, apart: Floats, tau: float, t: float, panel: float
+    c: Constants, source: int, v: Floats, tau: float, t: float, panel: float
 ) -> Floats:
     """Covariance of unit noise by Gauss-Legendre quadrature on panels, each propagated through the
     next."""
     size = 2 * c.wheels.size
     panels = max(1, math.ceil(t / panel))
     h = t / panels
-    j = _propagate(c, v, apart, h)
+    j = _propagate(c, v, h)
     q = np.zeros((size, size))
     g = np.zeros(size)
     for k in range(panels):
@@ -425,16 +426,14 @@ def _over_panels(
         for n in range(NODES.size):
             begin = tau + (k + NODES[NODES.size - 1 - n]) * h
             first, second = velocity_acceleration(c.drive, begin)
-            _respond(c, source, apart, h * NODES[n], -second, first, g)
-            for a in range(size):
-                for b in range(size):
-                    q[a, b] += h * WEIGHTS[n] * (g[a] * g[b])
+            _respond(c, source, v, h * NODES[n], -second, first, g)
+            add_outer(q, h * WEIGHTS[n], g, g)
     return q
 
 
 @internal
 def _over_orders(
-    c: Constants, source: int, v: Floats, apart: Floats, tau: float, t: float, panel: float
+    c: Constants, source: int, v: Floats, tau: float, t: float, panel: float
 ) -> Floats:
     """Covariance of unit noise for a drive of several orders, or of noise on a wheel itself: whole
     periods by doubling, then the rest of the time."""
@@ -442,37 +441,35 @@ def _over_orders(
     rest = t - periods * PERIOD
     out = np.zeros((2 * c.wheels.size, 2 * c.wheels.size))
     if periods > 0:
-        q = _over_panels(c, source, v, apart, tau, PERIOD, panel)
+        q = _over_panels(c, source, v, tau, PERIOD, panel)
         h = PERIOD
         while True:
             if periods & 1:
-                out = congruence(_propagate(c, v, apart, h), out) + q
+                out = congruence(_propagate(c, v, h), out) + q
             periods >>= 1
             if periods == 0:
                 break
-            q = congruence(_propagate(c, v, apart, h), q) + q
+            q = congruence(_propagate(c, v, h), q) + q
             h *= 2.0
-        out = congruence(_propagate(c, v, apart, rest), out)
-    total: Floats = out + _over_panels(c, source, v, apart, tau, rest, panel)
+        out = congruence(_propagate(c, v, rest), out)
+    total: Floats = out + _over_panels(c, source, v, tau, rest, panel)
     return total
 
 
 @internal
-def _covariance(drive: Any, c: Constants, v: Floats, apart: Floats, tau: float, t: float) -> Floats:
+def _covariance(drive: Any, c: Constants, v: Floats, tau: float, t: float, panel: float) -> Floats:
     """Covariance of the coordinates of `noise_covariance` by unit noise."""
-    fastest = fastest_rate(c)
-    panel = min(PANEL, 2.0 / fastest) if fastest > 0.0 else PANEL
     if len(drive) != 0 or c.modulates == 0.0:
         panel = min(panel, PANEL / highest_order(drive))
-        return _over_orders(c, COMMON, v, apart, tau, t, panel)
+        return _over_orders(c, COMMON, v, tau, t, panel)
     h = t
     doublings = 0
     while h > panel:
         h *= 0.5
         doublings += 1
-    q = _harmonics(c, apart, h)
+    q = _harmonics(c, v, h)
     for _ in range(doublings):
-        q = _double(q, _propagate(c, v, apart, h), h)
+        q = _double(q, _propagate(c, v, h), h)
         h *= 2.0
     sine = math.sin(tau)
     cosine = math.cos(tau)
@@ -489,8 +486,7 @@ def _stand_apart(c: Constants, t: float) -> Floats:
     """1 for each wheel whose noise is integrated apart from that of its parent, else 0: their
     dampings differ much over the time for which speeds last."""
     apart = np.zeros(c.wheels.size)
-    for i in range(c.wheels.size):
-        wheel = c.wheels[i]
+    for i, wheel in enumerate(c.wheels):
         if wheel.parent >= 0:
             beta = c.wheels[wheel.parent].beta
             most = max(beta, wheel.beta)
@@ -520,24 +516,22 @@ def noise_covariance(c: Constants, tau: float, t: float) -> Floats:
     # deviations v and gaps y of the coordinates: a wheel apart is the coordinate sign v itself
     v = deviations(c)
     gaps = np.eye(c.wheels.size)
-    for i in range(c.wheels.size):
-        wheel = c.wheels[i]
+    for i, wheel in enumerate(c.wheels):
         for j in range(i):
             carried = wheel.ratio * v[wheel.parent, j] if wheel.parent >= 0 else 0.0
             v[i, j] = 0.0 if apart[i] != 0.0 else carried
             gaps[i, j] = carried if apart[i] != 0.0 else 0.0
-    out = _covariance(c.drive, c, v, apart, tau, t)
     fastest = fastest_rate(c)
-    for i in range(c.wheels.size):
-        if c.wheels[i].alone > 0.0:
-            panel = min(PANEL, 2.0 / fastest) if fastest > 0.0 else PANEL
-            out += _over_orders(c, i, v, apart, tau, t, panel)
+    panel = min(PANEL, 2.0 / fastest) if fastest > 0.0 else PANEL
+    out = _covariance(c.drive, c, v, tau, t, panel)
+    for i, wheel in enumerate(c.wheels):
+        if wheel.alone > 0.0:
+            out += _over_orders(c, i, v, tau, t, panel)
     to_gaps = np.zeros((size, size))
     square = c.sigma * c.sigma
     for i in range(c.wheels.size):
         for j in range(i + 1):
-            to_gaps[2 * i, 2 * j] = gaps[i, j]
-            to_gaps[2 * i + 1, 2 * j + 1] = gaps[i, j]
+            to_gaps[2 * i, 2 * j] = to_gaps[2 * i + 1, 2 * j + 1] = gaps[i, j]
     out = congruence(to_gaps, out)
     for i in range(size):
         for j in range(size):
