@@ -24,17 +24,19 @@ from rattle.scene.parts import (
     LEAST_SIZE,
     MEMORY_RANGE,
     SINE_ALONE,
+    TWO_STATES,
     Order,
     Restitution,
     Start,
     Tolerance,
     Wheel,
+    fields_of,
     find_parents,
     move_to_flanks,
     wheel_labels,
 )
 from rattle.scene.text import as_call, as_html
-from rattle.scene.types import SINE, WHEEL, Constants, Floats, Orders, Wheels
+from rattle.scene.types import SINE, WHEEL, Constants, Facts, Floats, Orders, Wheels
 from rattle.scene.words import BODIES, GEARBOX, PAIR, Words
 
 Times = TypeVar("Times", float, Floats)
@@ -193,24 +195,20 @@ class Scene:
                 if getattr(self, name) is None:
                     raise InputError(name, None, "is needed, or give wheels")
         for f in fields(self):
-            if f.type is float or f.type == "float":
+            if f.type is float:
                 object.__setattr__(self, f.name, errors.finite(f.name, getattr(self, f.name)))
         for name, most in LARGEST_VALUES.items():
             least = 0.0 if name.startswith("beta") else LEAST_SIZE
-            errors.check_range(name, errors.non_negative(name, getattr(self, name)), least, most)
+            errors.non_negative(name, getattr(self, name), least, most)
         errors.unit_interval("epsilon", self.epsilon)
         for name in ("gap1", "gap2"):
-            errors.check_range(name, errors.positive(name, getattr(self, name)), *GAPS, zero=False)
+            errors.positive(name, getattr(self, name), *GAPS)
         if self.stages == 2 and not self.wheels and not 0.0 < self.mu < 1.0:
             raise InputError(
                 "mu", self.mu, "two stages need mu = I2 R1^2 / (I1 R2^2 + I2 R1^2), between 0 and 1"
             )
         errors.check_range("mu", self.mu, LEAST_SIZE, 1.0)
-        errors.check_range(
-            "correlation_time",
-            errors.non_negative("correlation_time", self.correlation_time),
-            *MEMORY_RANGE,
-        )
+        errors.non_negative("correlation_time", self.correlation_time, *MEMORY_RANGE)
         self._check_drive()
         self._check_springs()
         for label, wheel in zip(self.wheel_names, self.tree, strict=True):
@@ -235,10 +233,10 @@ class Scene:
     def __repr__(self) -> str:
         """Python text that makes the scene, to the last bit, on a few lines; defaults are left
         out."""
-        shown = {f.name: getattr(self, f.name) for f in fields(self) if f.repr}
+        shown = fields_of(self, "gears")
         if isinstance(self.noise, tuple):
             shown["noise"] = dict(self.noise)
-        defaults: dict[str, Any] = {f.name: f.default for f in fields(self)}
+        defaults: Facts = {f.name: f.default for f in fields(self)}
         defaults["start"] = self._default_start
         defaults["bodies"] = not self.is_gears
         if self.wheels:
@@ -360,20 +358,17 @@ class Scene:
         values = {"wheels": given, "stages": len(given)}
         if self.gears is None and _are_in_a_row(given, self.epsilon):
             values |= self._short_form(given)
-        for name, value in values.items():
-            object.__setattr__(self, name, value)
+        vars(self).update(values)
 
-    def _short_form(self, wheels: tuple[Wheel, ...]) -> dict[str, Any]:
+    def _short_form(self, wheels: tuple[Wheel, ...]) -> Facts:
         """The fields of one or two wheels in a row."""
-        values: dict[str, Any] = {"wheels": ()}
+        values: Facts = {"wheels": ()}
         for number, wheel in enumerate(wheels, 1):
             values |= {f"{name}{number}": getattr(wheel, name) for name in ("beta", "gamma", "gap")}
         if len(wheels) == 2:
             values["mu"] = wheels[1].mass / (1.0 + wheels[1].mass)
         if self.tolerance is not None and any(wheel.tolerance for wheel in wheels):
-            widths: dict[str, Any] = {
-                f"c{i}_max": wheel.tolerance for i, wheel in enumerate(wheels, 1)
-            }
+            widths: Facts = {f"c{i}_max": wheel.tolerance for i, wheel in enumerate(wheels, 1)}
             values["tolerance"] = replace(self.tolerance, **widths)
         return values
 
@@ -630,7 +625,7 @@ class Scene:
         """
         s = self.start
         t = self.tolerance
-        state: dict[str, Any] = {n: factor * getattr(s, n) for n in ("x1", "y1", "x2", "y2")}
+        state: Facts = {n: factor * getattr(s, n) for n in TWO_STATES}
         state["state"] = tuple(factor * value for value in s.state)
         wheels = tuple(
             _copy_with(
@@ -717,7 +712,7 @@ class Scene:
     def noise_free(self) -> "Scene":
         """The same scene without noise, random tolerance and random restitution: the deterministic
         system."""
-        changes: dict[str, Any] = {"sigma": 0.0}
+        changes: Facts = {"sigma": 0.0}
         if any(wheel.law.sd for wheel in self.tree):
             changes["wheels"] = tuple(wheel.with_mean_restitution for wheel in self.tree)
         if self.tolerance is not None and self.tolerance.distribution != "fixed":
@@ -745,32 +740,27 @@ class Scene:
         from rattle.scene.wheel import complete_wheels, restitution_pieces
 
         fixed = self.tolerance is not None and self.tolerance.distribution == "fixed"
-        tree = self.tree
-        wheels = np.zeros(len(tree), WHEEL)
-        for name in ("ratio", "beta", "gamma", "stiffness", "mass"):
-            wheels[name] = [getattr(wheel, name) for wheel in tree]
-        moments = [wheel.law.moments for wheel in tree]
-        wheels["epsilon"], wheels["variance"] = np.transpose(moments)
-        wheels["slowing"] = [wheel.law.slowing for wheel in tree]
-        wheels["rows"] = [len(wheel.law.table) for wheel in tree]
-        for i, wheel in enumerate(tree):
-            if wheel.law.table:
-                pieces = restitution_pieces(wheel.law.table)
-                wheels["pieces"][i, : len(pieces)] = pieces
-        wheels["wall"] = [wheel.gap + fixed * wheel.tolerance for wheel in tree]
-        wheels["low"] = [wheel.low_gap + fixed * wheel.tolerance for wheel in tree]
-        # a wall in the middle has the unit of length
-        wheels["size"] = np.where(wheels["wall"] > 0.0, wheels["wall"], 1.0)
+        wheels: Wheels = np.zeros(len(self.tree), WHEEL)
+        for wheel, record in zip(self.tree, wheels, strict=True):
+            for name in ("ratio", "beta", "gamma", "stiffness", "mass"):
+                record[name] = getattr(wheel, name)
+            law = wheel.law
+            record.epsilon, record.variance = law.moments
+            record.slowing = law.slowing
+            record.rows = len(law.table)
+            if law.table:
+                pieces = restitution_pieces(law.table)
+                record.pieces[: len(pieces)] = pieces
+            record.wall = wheel.gap + fixed * wheel.tolerance
+            record.low = wheel.low_gap + fixed * wheel.tolerance
+            record.size = record.wall or 1.0  # a wall in the middle has the unit of length
+            parent = int(wheel.parent) - 1
+            record.parent = parent
+            record.sign = 1.0 if parent < 0 else -1.0
+            record.turn = wheel.ratio * (wheels[parent].turn if parent >= 0 else 1.0)
         for source, (number, intensity) in enumerate(self.noise_sources):
             if number:
                 wheels["alone" if source else "own"][number - 1] = intensity
-        parents = [int(wheel.parent) - 1 for wheel in tree]
-        wheels["parent"] = parents
-        wheels["sign"] = [1.0 if parent < 0 else -1.0 for parent in parents]
-        turns: list[float] = []
-        for wheel, parent in zip(tree, parents, strict=True):
-            turns.append(wheel.ratio * (turns[parent] if parent >= 0 else 1.0))
-        wheels["turn"] = turns
         complete_wheels(wheels, self._orders)
         return wheels
 
@@ -821,7 +811,7 @@ class Scene:
             state[2 * i] = side * walls[i] if side else state[2 * i]
         return state
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> Facts:
         """The scene as plain data, for TOML files and manifests; in the gear form where it was made
         from gears.
 
@@ -832,19 +822,9 @@ class Scene:
             any number of wheels, ``body`` where it is no gears, and ``drive`` where it is not the
             sine alone.
         """
-        values = {
-            f.name: getattr(self, f.name) for f in fields(self) if f.name not in ("gears", "drive")
-        }
-        for name in ("tolerance", "start"):
-            values[name] = values[name] and asdict(values[name])
-        start = values["start"]
-        del start["state"]
-        if self.start.state:
-            values["start"] = {
-                "tau": start["tau"],
-                "mesh": start["mesh"],
-                "state": self.start.state,
-            }
+        values = fields_of(self, "gears", "drive")
+        values["tolerance"] = self.tolerance and asdict(self.tolerance)
+        values["start"] = self.start.table
         if self.wheels:
             values = {k: v for k, v in values.items() if k not in (*SHORT, "stages")}
             values["wheels"] = [_as_table(wheel) for wheel in self.wheels]
@@ -873,7 +853,7 @@ class Scene:
         )
 
     @classmethod
-    def from_dict(cls, data: dict[str, Any]) -> "Scene":
+    def from_dict(cls, data: Facts) -> "Scene":
         """A scene from the form that `to_dict` gives.
 
         Parameters
@@ -903,14 +883,13 @@ class Scene:
             )
         for name, kind in {"tolerance": Tolerance, "start": Start}.items():
             if name in settings:
-                table = _table(f"scene.{name}", settings[name])
-                errors.check_keys(f"scene.{name}", table, (f.name for f in fields(kind)))
-                settings[name] = kind(**table)
+                settings[name] = kind(**_table(f"scene.{name}", settings[name], kind))
         if "body" in data:
             if "gears" in data or "wheels" in settings:
                 why = "stands in place of [gears] and [[scene.wheels]]; leave out one of them"
                 raise InputError("body", data["body"], why)
-            settings = {"alpha": 0.0, "bodies": True} | settings
+            settings.setdefault("alpha", 0.0)
+            settings.setdefault("bodies", True)
             settings["wheels"] = data["body"]
         if "wheels" in settings:
             place = "body" if "body" in data else "scene.wheels"
@@ -1027,10 +1006,9 @@ def _are_in_a_row(wheels: tuple[Wheel, ...], epsilon: float) -> bool:
     return plain and parents in ([0], [0, 1])
 
 
-def _as_table(wheel: Wheel) -> dict[str, Any]:
+def _as_table(wheel: Wheel) -> Facts:
     """A wheel as plain data; what is as by default is left out."""
-    defaults = {f.name: f.default for f in fields(Wheel)}
-    table = {name: value for name, value in asdict(wheel).items() if value != defaults[name]}
+    table = as_table(wheel)
     if wheel.restitution is not None:
         law = asdict(wheel.restitution)
         table["restitution"] = {name: value for name, value in law.items() if value is not None}
@@ -1046,11 +1024,9 @@ def _read_wheels(name: str, tables: object) -> list[Wheel]:
 
 def _read_wheel(name: str, number: int, data: object) -> Wheel:
     """A wheel or body from its table, which an error names."""
-    table = _table(name, data)
-    errors.check_keys(name, table, (f.name for f in fields(Wheel)))
+    table = _table(name, data, Wheel)
     if "restitution" in table:
-        law = _table(f"{name}.restitution", table["restitution"])
-        errors.check_keys(f"{name}.restitution", law, (f.name for f in fields(Restitution)))
+        law = _table(f"{name}.restitution", table["restitution"], Restitution)
     with (BODIES if name == "body" else PAIR).in_errors(), _of_wheel(table.get("name") or number):
         if "restitution" in table:
             table["restitution"] = Restitution(**law)
@@ -1077,9 +1053,12 @@ def _copy_with(part: Part, **changes: Any) -> Part:
     return changed
 
 
-def _table(name: str, value: object) -> dict[str, Any]:
+def _table(name: str, value: object, kind: Any = None) -> Facts:
+    """A table of a file, with no other keys than the fields of its kind, if it has one."""
     if not isinstance(value, dict):
         raise InputError(name, value, f"write it as a table: [{name}]")
+    if kind is not None:
+        errors.check_keys(name, value, (f.name for f in fields(kind)))
     return dict(value)
 
 
