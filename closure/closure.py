@@ -28,6 +28,7 @@ from rattle.scene import (
     section_names,
     state_names,
 )
+from rattle.scene.elementary import unknown
 from rattle.scene.numpy_errors import call_users
 from rattle.scene.orbit import follow
 from rattle.scene.types import MOST_WHEELS
@@ -178,8 +179,7 @@ class Closure:
             count("closure.stages", self.stages, least=1, most=MOST_WHEELS)
         if self.describes is not None:
             choice("closure.describes", self.describes, DESCRIBED)
-        for name, value in (("at_times", at_times), ("predicts", predicts)):
-            object.__setattr__(self, name, value)
+        vars(self).update(at_times=at_times, predicts=predicts)
 
     @property
     def reference(self) -> str:
@@ -292,7 +292,7 @@ def nothing_known(wheels: int, time: float) -> tuple[Floats, Floats]:
     """Mean and covariance at a fixed time, of a closure whose moments there are asked of
     `Closure.fixed_times`."""
     states = 2 * wheels
-    return np.full(states, np.nan), np.full((states, states), np.nan)
+    return unknown(states), unknown(states, states)
 
 
 def own_trace(scene: Scene, table: "pd.DataFrame", seconds: float) -> Trace:
@@ -307,26 +307,20 @@ def own_trace(scene: Scene, table: "pd.DataFrame", seconds: float) -> Trace:
     wheels = scene.stages
     names = section_names(wheels)
     states = 2 * wheels
-
-    def column(name: str, start: float = np.nan) -> Floats:
-        values = table[name].to_numpy(float) if name in table else np.full(impacts, np.nan)
-        return np.concatenate([[start], values])
-
-    def columns(names: Iterable[str]) -> Floats:
-        return np.column_stack([column(name) for name in names])
-
-    tau = column("tau", scene.phase)
+    whole = table.reindex(range(impacts + 1), columns=section_columns(wheels)).astype(float)
+    tau = whole["tau"].to_numpy(copy=True)
+    tau[0] = scene.phase
     if "tau" not in table and "flight" in table:
-        tau = np.cumsum(column("flight", scene.phase))
-    sd = columns([f"sd_{name}" for name in names])
-    rho = columns(rho_names(wheels))
-    covariance = np.full((impacts + 1, states, states), np.nan)
+        tau = np.cumsum([scene.phase, *table["flight"]])
+    sd = whole[[f"sd_{name}" for name in names]].to_numpy(copy=True)
+    rho = whole[rho_names(wheels)].to_numpy(copy=True)
+    covariance = unknown(impacts + 1, states, states)
     state = sd[:, 2:]
     # a negative sd is a negative variance
     covariance[:, range(states), range(states)] = state * np.abs(state)
-    for i in range(wheels):
-        x, y = 2 * i, 2 * i + 1
-        covariance[:, x, y] = covariance[:, y, x] = rho[:, i] * state[:, x] * state[:, y]
+    x = np.arange(0, states, 2)
+    y = x + 1
+    covariance[:, x, y] = covariance[:, y, x] = rho * state[:, x] * state[:, y]
     known = np.flatnonzero(
         table.drop(columns=["mesh", "side"], errors="ignore").notna().any(axis=1).to_numpy()
     )
@@ -335,13 +329,27 @@ def own_trace(scene: Scene, table: "pd.DataFrame", seconds: float) -> Trace:
         np.append(along[0], table[name].fillna(0).astype(int)) if name in table else along
         for name, along in (("mesh", orbit.mesh), ("side", orbit.side))
     )
-    mean = columns(names[2:])
-    skew = columns([f"skew_{name}" for name in names])
-    raw = np.full((impacts + 1, wheels, 3, 3), np.nan)
+    mean = whole[list(names[2:])].to_numpy(copy=True)
+    skew = whole[[f"skew_{name}" for name in names]].to_numpy(copy=True)
+    raw = unknown(impacts + 1, wheels, 3, 3)
     at = partial(nothing_known, wheels)
     stopped = "" if found == impacts else UNPREDICTED.format(found)
-    whole = Trace(tau, mesh, side, mean, sd, skew, covariance, raw, at, found, stopped)
-    return replace(whole, until=np.inf, rho=rho, seconds=seconds)
+    return Trace(
+        tau,
+        mesh,
+        side,
+        mean,
+        sd,
+        skew,
+        covariance,
+        raw,
+        at,
+        found,
+        stopped,
+        until=np.inf,
+        rho=rho,
+        seconds=seconds,
+    )
 
 
 def read_table(

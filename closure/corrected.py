@@ -13,11 +13,12 @@ import numpy as np
 from rattle.closure.edgeworth import window_shift
 from rattle.closure.moments import Trace, check_row, check_white, gap_moments
 from rattle.scene import Constants, Floats, Scene
+from rattle.scene.elementary import unknown
 from rattle.scene.flight import jacobian, noise_covariance
 from rattle.scene.impact import contact_matrix
-from rattle.scene.linear_algebra import product, transform
+from rattle.scene.linear_algebra import product, total, transform
 from rattle.scene.moments import semidefinite
-from rattle.scene.orbit import Orbit, follow
+from rattle.scene.orbit import Orbit, follow, last_until
 
 
 def check(scene: Scene) -> None:
@@ -44,7 +45,7 @@ def _fly(
     terms = np.column_stack(
         [np.sqrt(np.diagonal(noise)), np.abs(j) * np.sqrt(np.abs(np.diagonal(covariance)))]
     )
-    return transform(j, covariance) + noise, np.add.accumulate(terms, axis=1)[:, -1]
+    return transform(j, covariance) + noise, total(terms)
 
 
 def trace(scene: Scene, impacts: int, order: int) -> Trace:
@@ -68,7 +69,7 @@ def trace(scene: Scene, impacts: int, order: int) -> Trace:
     for k in range(1, impacts + 1):
         mean[k] += gap_shifts(raw[k], orbit.before[k], windows)
     # no sd of tau or flight: this closure has no spread of impact times
-    sd = np.full((impacts + 1, 2 + states), np.nan)
+    sd = unknown(impacts + 1, 2 + states)
     sd[:, 2:] = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
     skew = np.where(sd > 0.0, 0.0, np.nan)
 
@@ -97,7 +98,7 @@ def _in_flight(
     time: float,
 ) -> tuple[Floats, Floats]:
     """Mean and covariance of the state at a local time, from the covariance before each impact."""
-    k = int(np.searchsorted(orbit.tau[: orbit.found + 1], time, side="right")) - 1
+    k = last_until(orbit.tau, time)
     cov = semidefinite(*_fly(c, orbit.mesh[k], covariance[k], orbit.tau[k], time - orbit.tau[k]))
     state = orbit.state(time)
     return state + gap_shifts(gap_moments(cov[None], order)[0], state, windows), cov

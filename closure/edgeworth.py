@@ -11,6 +11,7 @@ from rattle.closure.exponentials import exponentials
 from rattle.scene import Floats
 from rattle.scene.compiled import internal, jit
 from rattle.scene.flight import NODES, WEIGHTS
+from rattle.scene.linear_algebra import total
 from rattle.scene.moments import SMALLEST_DIVISOR
 from rattle.scene.numpy_errors import numpy_defaults
 
@@ -180,7 +181,7 @@ def mixture_density(values: Floats, weights: Floats, means: Floats, variances: F
     width = np.maximum(np.sqrt(variances), 0.01 * sd)
     z = (np.asarray(values, dtype=float)[..., None] - means) / width
     terms = weights * exponentials(-0.5 * z * z) / (sqrt(2.0 * pi) * width)
-    return np.asarray(np.add.accumulate(terms, axis=-1)[..., -1])
+    return total(terms)
 
 
 @numpy_defaults

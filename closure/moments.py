@@ -14,6 +14,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from rattle.scene import Bools, Floats, InputError, Ints, Scene
+from rattle.scene.elementary import unknown
 from rattle.scene.moments import fill_gaussian_moments
 
 
@@ -141,7 +142,7 @@ def bounds(coarse: Trace, fine: Trace) -> Floats:
     goes on, NaN at the start, at the displacement of the mesh that most paths strike, and where a
     quantity does not vary. Shapes: result (impacts + 1, 2, quantities).
     """
-    change = np.full((len(fine.tau), 2, fine.sd.shape[1]), np.nan)
+    change = unknown(len(fine.tau), 2, fine.sd.shape[1])
     with np.errstate(invalid="ignore", divide="ignore"):
         change[:, 0] = np.abs(_means(fine) - _means(coarse)) / fine.sd
         change[:, 1] = np.abs(coarse.sd / fine.sd - 1.0)
@@ -242,7 +243,7 @@ def advice(found: Trace, tolerance: float) -> str:
 def kurtosis(found: Trace) -> Floats:
     """Kurtosis of the section quantities, shape (impacts + 1, quantities); NaN where they do not
     vary or nothing is known."""
-    out = np.full(found.sd.shape, np.nan)
+    out = unknown(*found.sd.shape)
     for k, (weights, means, variances) in (found.parts or {}).items():
         off = means - weights @ means
         second = weights @ (off**2 + variances)

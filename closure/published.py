@@ -21,10 +21,12 @@ from rattle.closure.moments import Trace, check_row, check_white
 from rattle.scene import Constants, Floats, InputError, Scene
 from rattle.scene.compiled import jit
 from rattle.scene.damping import decay, phi1
+from rattle.scene.elementary import unknown
 from rattle.scene.flight import NODES, PANEL, WEIGHTS, flow, noise_covariance
 from rattle.scene.impact import strike
 from rattle.scene.linear_algebra import beyond, put
 from rattle.scene.moments import gaussian_raw_moments
+from rattle.scene.orbit import last_until
 from rattle.scene.parts import SINE_ALONE
 
 SCAN = 0.05  # time step of the search for a counter mesh; E[x_i] moves about a tenth of a gap in it
@@ -128,13 +130,13 @@ def _counter_mesh(
 
 def _covariance(raw: Floats) -> Floats:
     """Second moments of the state as a matrix; NaN across the gaps, where this closure has none."""
-    gaps = raw.shape[-3]
-    out = np.full((*raw.shape[:-3], 2 * gaps, 2 * gaps), np.nan)
-    for i in range(gaps):
-        j = 2 * i
-        out[..., j, j] = raw[..., i, 2, 0]
-        out[..., j + 1, j + 1] = raw[..., i, 0, 2]
-        out[..., j, j + 1] = out[..., j + 1, j] = raw[..., i, 1, 1]
+    states = 2 * raw.shape[-3]
+    out = unknown(*raw.shape[:-3], states, states)
+    x = np.arange(0, states, 2)
+    y = x + 1
+    out[..., x, x] = raw[..., 2, 0]
+    out[..., y, y] = raw[..., 0, 2]
+    out[..., x, y] = out[..., y, x] = raw[..., 1, 1]
     return out
 
 
@@ -159,14 +161,15 @@ def trace(scene: Scene, impacts: int, order: int) -> Trace:
     """Follow the published mean map."""
     c = scene.constants
     windows = np.array(scene.windows)
-    tau = np.full(impacts + 1, np.nan)
-    mesh = np.zeros(impacts + 1, np.int64)
+    tau = unknown(impacts + 1)
+    mesh, side = np.zeros((2, impacts + 1), np.int64)
     gaps = len(windows)
-    mean, shift = np.full((2, impacts + 1, 2 * gaps), np.nan)
-    before, after = raw = np.full((2, impacts + 1, gaps, order + 1, order + 1), np.nan)
+    mean, shift = unknown(2, impacts + 1, 2 * gaps)
+    before, after = raw = unknown(2, impacts + 1, gaps, order + 1, order + 1)
     tau[0] = scene.phase
     mesh[0] = 1
     mean[0] = scene.start_state
+    side[0] = np.copysign(1, mean[0, 0])
     shift[0] = 0.0
     raw[:, 0] = 0.0
     raw[:, 0, :, 0, 0] = 1.0
@@ -180,13 +183,12 @@ def trace(scene: Scene, impacts: int, order: int) -> Trace:
         tau[found] = last[0] + t
         mesh[found] = stage
         mean[found], shift[found], before[found] = _in_flight(c, *last, t, windows)
+        side[found] = np.copysign(1, mean[found, 2 * stage - 2])
         after[found] = after_impact(c, before[found])
     covariance = _covariance(before)
     variance = np.diagonal(covariance, axis1=1, axis2=2)
-    sd = np.full((impacts + 1, 2 + 2 * gaps), np.nan)
+    sd = unknown(impacts + 1, 2 + 2 * gaps)
     sd[:, 2:] = np.sqrt(np.where(variance >= 0.0, variance, np.nan))
-    struck_x = mean[np.arange(impacts + 1), 2 * np.maximum(mesh, 1) - 2]
-    side = np.where(mesh > 0, np.copysign(1.0, struck_x), 0).astype(np.int64)
 
     ended = (
         f"the other mesh is not struck within {LONGEST_MAPPED_FLIGHT:g} time units"
@@ -209,7 +211,7 @@ def _at(
     time: float,
 ) -> tuple[Floats, Floats]:
     """Mean and covariance of the state at a local time."""
-    k = int(np.searchsorted(tau, time, side="right")) - 1
+    k = last_until(tau, time)
     mean_t, _, raw = _in_flight(c, tau[k], mean[k], shift[k], after[k], time - tau[k], windows)
     return mean_t, _covariance(raw)
 

@@ -144,8 +144,12 @@ class MeanMap(SectionResult):
     def advice(self) -> str:
         """Whether to use the closure or to simulate, by the bound of its errors; empty for a
         closure without one."""
-        asked = DEFAULT_TOLERANCE if self.tolerance is None else self.tolerance
-        return "" if self.trace.error is None else advice(self.trace, asked)
+        return "" if self.trace.error is None else advice(self.trace, self._asked)
+
+    @property
+    def _asked(self) -> float:
+        """The tolerance, or the one that is taken where none is given."""
+        return DEFAULT_TOLERANCE if self.tolerance is None else self.tolerance
 
     @property
     def stopped(self) -> str:
@@ -236,14 +240,18 @@ class MeanMap(SectionResult):
     def breakdown(self) -> Breakdown | None:
         """The first impact at which the moments are not realizable, or None; those of a mixture
         always are."""
-        for k in range(1, self.trace.found + 1):
-            for stage in self._gaps_judged:
-                judged = self.stage_realizability(k, stage)
-                if not judged.realizable:
-                    return Breakdown(k, stage, judged.reason)
-            flight = float(self.trace.tau[k] - self.trace.tau[k - 1])
-            if flight < 0.0:
-                return Breakdown(k, 0, f"mean time of flight = {flight:.3g} < 0")
+        broken = (self._break_at(k) for k in range(1, self.trace.found + 1))
+        return next(filter(None, broken), None)
+
+    def _break_at(self, impact: int) -> Breakdown | None:
+        """What is not realizable at an impact, or None."""
+        for stage in self._gaps_judged:
+            judged = self.stage_realizability(impact, stage)
+            if not judged.realizable:
+                return Breakdown(impact, stage, judged.reason)
+        flight = float(self.trace.tau[impact] - self.trace.tau[impact - 1])
+        if flight < 0.0:
+            return Breakdown(impact, 0, f"mean time of flight = {flight:.3g} < 0")
         return None
 
     @cached_property
@@ -280,12 +288,7 @@ class MeanMap(SectionResult):
         for stage in range(1, t.wheels + 1):
             rho = [correlation(self.stage_covariance(k, stage)) for k in impacts]
             columns[f"rho{stage}"] = rho if t.rho is None else t.rho[1:, stage - 1]
-        columns["realizable"] = [
-            k <= t.found
-            and not t.tau[k] < t.tau[k - 1]
-            and all(self.stage_realizability(k, stage).realizable for stage in self._gaps_judged)
-            for k in impacts
-        ]
+        columns["realizable"] = [k <= t.found and self._break_at(k) is None for k in impacts]
         table = pd.DataFrame(columns, index=pd.RangeIndex(1, self.impacts + 1, name="impact"))
         if t.agreement is not None and t.discarded is not None:
             table["agreement"] = t.agreement[1:]
@@ -294,9 +297,7 @@ class MeanMap(SectionResult):
             table["error_mean"], table["error_sd"] = (
                 [largest_error(e[i]) for e in t.error[1:]] for i in (0, 1)
             )
-            table["within"] = within(
-                t.error, DEFAULT_TOLERANCE if self.tolerance is None else self.tolerance
-            )[1:]
+            table["within"] = within(t.error, self._asked)[1:]
             table.loc[t.found + 1 :, "within"] = False
         return table
 

@@ -23,6 +23,7 @@ from rattle.closure.section_map import (
     start_covariance,
 )
 from rattle.scene import Constants, Floats, Ints, Scene, memory
+from rattle.scene.elementary import unknown
 from rattle.scene.flight import field, jacobian, noise_covariance, noise_rate
 from rattle.scene.impact import (
     add_scatter,
@@ -32,10 +33,10 @@ from rattle.scene.impact import (
     rebound_bend,
     slowest_impact,
 )
-from rattle.scene.linear_algebra import image, product, totals, transform
+from rattle.scene.linear_algebra import image, product, total, totals, transform
 from rattle.scene.long_orbit import struck_speeds
 from rattle.scene.moments import SMALLEST_DIVISOR, semidefinite
-from rattle.scene.orbit import Impacts, Orbit, follow
+from rattle.scene.orbit import Impacts, Orbit, follow, last_until
 
 IMPACTS_AT_ONCE = 256  # impacts whose derivatives are computed at once
 
@@ -138,16 +139,21 @@ def propagate(
     plain = plain_size(c)
     quantities = np.arange(plain)
     places = np.append(0, quantities[1:] + 1)  # of tau and the state among the section quantities
-    shift, sd, skew = np.full((3, count, plain + 1), np.nan)
-    section, covariance = np.full((2, count, d, d), np.nan)  # before the impact, and after it
+    shift, sd, skew = unknown(3, count, plain + 1)
+    section, covariance = unknown(2, count, d, d)  # before the impact, and after it
     section[0] = covariance[0] = start
     moved = np.zeros(d)
     third = np.zeros((d, d, d))
     speed = struck_speeds(mesh[1 : found + 1], before[1 : found + 1])
     found = int(np.append(np.abs(speed) < slowest_impact(c, before[0]), True).argmax())
+    # place of the deviation that is drawn anew, where flanks vary
+    flank = column(c.wheels.size, mesh, -side)
     hits = [np.eye(d)]
-    for m, w in zip(mesh[1 : found + 1].tolist(), speed.tolist(), strict=False):
-        hits.append(contact_matrix(c, m, w, d, 1))
+    for k, w in enumerate(speed[:found].tolist(), 1):
+        hit = contact_matrix(c, mesh[k], w, d, 1)
+        if redrawn.size:
+            hit[flank[k]] = 0.0  # nothing is known of it
+        hits.append(hit)
     for low in range(0, found, IMPACTS_AT_ONCE):
         high = min(low + IMPACTS_AT_ONCE, found)
         ends = slice(low, high + 1)
@@ -165,14 +171,12 @@ def propagate(
             w = before[k, struck - 1]
             add_scatter(c, mesh[k], w, section[k, struck, struck], covariance[k])
             if redrawn.size:
-                flank = column(c.wheels.size, mesh[k], -side[k])
-                covariance[k, flank] = covariance[k, :, flank] = 0.0
-                covariance[k, flank, flank] = redrawn[flank - plain]
+                covariance[k, flank[k], flank[k]] = redrawn[flank[k] - plain]
         p = covariance[low:high]
-        cross = _dot(linear[:, 0], p[:, 0])  # cov(tau_k, tau_k-1)
+        cross = total(linear[:, 0] * p[:, 0])  # cov(tau_k, tau_k-1)
         spread = section[part, 0, 0] + p[:, 0, 0] - 2.0 * cross  # variance of the flight time
         own = np.diagonal(section[part], axis1=1, axis2=2)[:, :plain]
-        sd[part] = np.sqrt(np.maximum(np.column_stack([own[:, 0], spread, own[:, 1:]]), 0.0))
+        sd[part] = np.sqrt(np.maximum(np.insert(own, 1, spread, axis=1), 0.0))
         if not second:
             continue
         slope = np.array(
@@ -196,13 +200,9 @@ def propagate(
             bend, produced = rebound_cumulants(c, mesh[k], before[k], hits[k], section[k])
             moved = image(hits[k], moved) + bend
             third = map_cumulants(hits[k], third, produced)
-            if redrawn.size:
-                flank = column(c.wheels.size, mesh[k], -side[k])
-                moved[flank] = 0.0
-                third[flank] = third[:, flank] = third[:, :, flank] = 0.0
         cube = sd[part] * sd[part] * sd[part]
         flight = flight_cumulants(first, hessian, p, q, slope, thirds)
-        found_cubes = np.column_stack([cubes[:, 0], flight, cubes[:, 1:]])
+        found_cubes = np.insert(cubes, 1, flight, axis=1)
         np.divide(found_cubes, cube, out=skew[part], where=cube > SMALLEST_DIVISOR)
     return found, shift, sd, skew, section, covariance
 
@@ -251,26 +251,21 @@ def trace(scene: Scene, impacts: int, order: int) -> Trace:
         found = int(finite.argmin()) - 1
         stopped = f"the covariance of impact {found + 1} is larger than any number"
         shift[found + 1 :] = sd[found + 1 :] = skew[found + 1 :] = np.nan
-    mean = orbit.before + np.nan_to_num(shift[:, 2:])
-    tau = orbit.tau + np.nan_to_num(shift[:, 0])
-    mean[found + 1 :] = np.nan
-    tau[found + 1 :] = np.nan
+    known = Impacts.of(orbit).until(found)
+    mean = known.before + np.nan_to_num(shift[:, 2:])
+    tau = known.tau + np.nan_to_num(shift[:, 0])
     states = orbit.before.shape[1]
-    covariance = np.full((impacts + 1, states, states), np.nan)
+    covariance = unknown(impacts + 1, states, states)
     for k in range(found + 1):
         rate = field(c, orbit.tau[k], orbit.before[k]) if k else np.zeros(states)
         covariance[k] = _at_one_time(rate, section[k, : states + 1, : states + 1], np.eye(states))
     raw = gap_moments(covariance, order)
 
     at = partial(_in_flight, c, orbit, found, after)
-    mesh = orbit.mesh.copy()
-    side = orbit.side.copy()
-    mesh[found + 1 :] = 0
-    side[found + 1 :] = 0
     return Trace(
         tau,
-        mesh,
-        side,
+        known.mesh,
+        known.side,
         mean,
         sd,
         skew,
@@ -288,7 +283,7 @@ def _in_flight(
 ) -> tuple[Floats, Floats]:
     """Mean and covariance of the state at a local time, from the covariance of the section state
     after each impact."""
-    k = int(np.searchsorted(orbit.tau[: found + 1], time, side="right")) - 1
+    k = last_until(orbit.tau[: found + 1], time)
     begin = orbit.tau[k]
     rate = field(c, begin, orbit.after[k])
     t = time - begin
@@ -373,12 +368,7 @@ def flight_cumulants(
     past = own[:, :d]
     noise = own[:, d:]
     reach = np.concatenate([image(p, past), image(q, noise)], axis=1)  # its covariance with (s, n)
-    varied = _dot(noise, image(slope, noise))  # d var(flight | s) / d tau_k
-    found = 3.0 * _dot(reach, image(hessian[:, 0], reach)) + 3.0 * varied * reach[:, 0]
+    varied = total(noise * image(slope, noise))  # d var(flight | s) / d tau_k
+    found = 3.0 * total(reach * image(hessian[:, 0], reach)) + 3.0 * varied * reach[:, 0]
     carried = past * image(image(third, past[:, None]), past)
-    return np.asarray(np.add.accumulate(np.column_stack([found, carried]), axis=1)[:, -1])
-
-
-def _dot(v: Floats, w: Floats) -> Floats:
-    """``v' w`` of each of several vectors, in order of the components."""
-    return np.asarray(np.add.accumulate(v * w, axis=1)[:, -1])
+    return total(np.column_stack([found, carried]))

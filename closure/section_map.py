@@ -163,11 +163,11 @@ def between(c: Constants, e: Floats, middle: Floats) -> Constants:
     Shapes: `e` (1 + 4 wheels,); `middle` (wheels,).
     """
     wheels = c.wheels.copy()
-    for i in range(wheels.size):
+    for i, wheel in enumerate(wheels):
         plus = column(wheels.size, i + 1, 1)
-        wall = wheels[i].wall
-        wheels[i].wall = max(wall + 0.5 * (e[plus] + e[plus + 1]), NARROWEST * wall)
-        wheels[i].low = wheels[i].wall if wheels[i].low < math.inf else math.inf
+        wall = wheel.wall
+        wheel.wall = max(wall + 0.5 * (e[plus] + e[plus + 1]), NARROWEST * wall)
+        wheel.low = wheel.wall if wheel.low < math.inf else math.inf
         middle[i] = 0.5 * (e[plus] - e[plus + 1])
     return with_wheels(c, wheels)
 

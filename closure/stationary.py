@@ -21,6 +21,7 @@ from rattle.closure.mean_map import mean_map, refusals
 from rattle.closure.saltation import propagate
 from rattle.closure.section_map import plain_size, section_derivatives
 from rattle.scene import Floats, Ints, Scene
+from rattle.scene.elementary import unknown
 from rattle.scene.flight import noise_covariance
 from rattle.scene.impact import GRAZE, contact_matrix
 from rattle.scene.linear_algebra import transform
@@ -147,8 +148,7 @@ def _since_same_mesh(
     cycle."""
     n = a.impacts
     turn = 2.0 * math.pi * a.periods
-    mean = np.full(n, np.nan)
-    sd = np.full(n, np.nan)
+    mean, sd = unknown(2, n)
     for k in range(n):
         # derivative of the state before impact k by that after an earlier one
         reach = np.eye(section.shape[1])
@@ -179,8 +179,8 @@ def orbit_average(scene: Scene, closure: str) -> Law:
     t = mean_map(scene.phase_reduced, impacts=MAPPED, closure=closure, order=2).trace
     if t.found < MAPPED:
         raise NotPredicted(f"the mean map ends at impact {t.found}: {t.stopped}")
-    last = np.full(t.wheels + 1, math.nan)
-    since = np.full(MAPPED + 1, math.nan)
+    last = unknown(t.wheels + 1)
+    since = unknown(MAPPED + 1)
     for k in range(1, MAPPED + 1):
         since[k] = t.tau[k] - last[t.mesh[k]]
         last[t.mesh[k]] = t.tau[k]
@@ -231,7 +231,7 @@ def _join(parts: dict[int, tuple[Floats, Floats, Floats]], impacts: range) -> La
     # the struck displacement lies on its wall
     mesh = 1 + variance[:, 2::2].argmin(axis=1)
     rates = np.arange(weight.size), 1 + 2 * mesh  # places of the struck rates
-    nothing = np.full(weight.size, np.nan)
+    nothing = unknown(weight.size)
     flight = mean[:, 1]
     sd_flight = np.sqrt(variance[:, 1])
     rate = float(1.0 / (weight * flight).sum())

@@ -18,7 +18,7 @@ from rattle.scene.loose_wheel import OF_MODEL, WHEEL_VALUE, kind_of_value, spell
 from rattle.scene.noise import DRIVE_NOISE
 from rattle.scene.parts import Start, Tolerance, Wheel, move_to_flanks
 from rattle.scene.scene import Scene
-from rattle.scene.types import state_names
+from rattle.scene.types import Facts, state_names
 
 ORDER_UNITS = {
     "amplitude": "",
@@ -136,7 +136,7 @@ def parameter_names(scene: Scene) -> list[str]:
     return ["amplitude", *others, "sigma", *_noises_of(scene), "correlation_time"]
 
 
-def change(scene: Scene, changes: Mapping[str, Any]) -> Scene:
+def change(scene: Scene, changes: Facts) -> Scene:
     """The scene with other values, by name; all others stay as they were typed.
 
     Values of gears are changed first, as `Scene.with_gears` does; a start on a flank stays on it.
@@ -146,11 +146,11 @@ def change(scene: Scene, changes: Mapping[str, Any]) -> Scene:
     typed = {name: value for name, value in changes.items() if name in of_gears}
     if typed:
         scene = scene.with_gears(**typed)
-    orders: dict[int, dict[str, Any]] = {}
-    parts: dict[str, dict[str, Any]] = {
+    orders: dict[int, Facts] = {}
+    parts: dict[str, Facts] = {
         part: {} for part in ("tolerance", "start", "wheel", "body", "noise")
     }
-    values: dict[str, Any] = {}
+    values: Facts = {}
     for name, value in changes.items():
         part, _, field = name.partition(".")
         if name in typed:
@@ -181,7 +181,7 @@ def change(scene: Scene, changes: Mapping[str, Any]) -> Scene:
     return replace(scene, **values)
 
 
-def _change_wheels(scene: Scene, changes: Mapping[str, Any]) -> tuple[Wheel, ...]:
+def _change_wheels(scene: Scene, changes: Facts) -> tuple[Wheel, ...]:
     """The wheels of the model with other values, by ``third.gamma``."""
     wheels = dict(zip(scene.wheel_names if scene.wheels else (), scene.wheels, strict=True))
     for name, value in changes.items():
@@ -193,7 +193,7 @@ def _change_wheels(scene: Scene, changes: Mapping[str, Any]) -> tuple[Wheel, ...
     return tuple(wheels.values())
 
 
-def _change_start(start: Start, changes: Mapping[str, Any]) -> Start:
+def _change_start(start: Start, changes: Facts) -> Start:
     """A start with other values, also of a wheel beyond the second."""
     if not start.state or "state" in changes:
         return replace(start, **changes)
@@ -203,7 +203,7 @@ def _change_start(start: Start, changes: Mapping[str, Any]) -> Start:
     return replace(start, state=state, **others)
 
 
-def _change_orders(scene: Scene, orders: Mapping[int, Mapping[str, Any]]) -> Any:
+def _change_orders(scene: Scene, orders: Mapping[int, Facts]) -> Any:
     """The drive with other values of some orders; one that it did not have comes to it."""
     tables = {one.order: vars(one) for one in scene.drive}
     for number, new in orders.items():

@@ -25,7 +25,7 @@ from fractions import Fraction
 from functools import cache
 from pathlib import Path
 from threading import Lock
-from typing import Any, ParamSpec, TypeVar, cast
+from typing import Any, TypeVar, cast
 
 import llvmlite
 import llvmlite.binding
@@ -63,8 +63,7 @@ NUMBAS_EXTENDING: Any = extending
 LONGEST_WAIT = 10.0  # seconds for another process that writes what it has compiled: milliseconds
 GARBAGE = 20_000  # objects between two collections of garbage while a function is compiled
 
-P = ParamSpec("P")
-R = TypeVar("R")
+Function = TypeVar("Function", bound=Callable[..., Any])
 
 _folder: Path | None = None  # the cache folder; None where there is none
 _warnings: list[str] = []  # printed when the first function is compiled
@@ -320,7 +319,7 @@ def _name_closure(function: Any) -> None:
     function.__qualname__ += f"_{hashlib.sha256(repr(values).encode()).hexdigest()[:8]}"
 
 
-def _keep(function: Callable[P, R], options: dict[str, Any]) -> Any:
+def _keep(function: Callable[..., Any], options: dict[str, Any]) -> Any:
     """Compile a function, and have its machine code kept on disk."""
     note_imports()
     _name_closure(function)
@@ -359,27 +358,27 @@ ZERO = cast(int, np.int64(0))
 """Of a non-literal type: numba compiles a function again for every literal argument."""
 
 
-def jit(function: Callable[P, R]) -> Callable[P, R]:
+def jit(function: Function) -> Function:
     """Compile a function that Python calls, and keep its machine code on disk."""
-    return cast(Callable[P, R], _keep(function, OPTIONS))
+    return cast(Function, _keep(function, OPTIONS))
 
 
-def lean(function: Callable[P, R]) -> Callable[P, R]:
+def lean(function: Function) -> Function:
     """As `jit`, without reference counting: for functions that allocate no arrays and take views
     only.
 
     With it the kernels of the paths would take a quarter more time to compile.
     """
-    return cast(Callable[P, R], _keep(function, LEAN))
+    return cast(Function, _keep(function, LEAN))
 
 
-def internal(function: Callable[P, R]) -> Callable[P, R]:
+def internal(function: Function) -> Function:
     """Compile a function for its compiled callers, which keep its code; Python runs it as it
     stands."""
     return _compile_for_callers(function, INTERNAL)
 
 
-def lean_internal(function: Callable[P, R]) -> Callable[P, R]:
+def lean_internal(function: Function) -> Function:
     """As `internal`, without reference counting: see `lean`.
 
     With reference counting Euler's step without noise takes an eighth longer.
@@ -387,13 +386,13 @@ def lean_internal(function: Callable[P, R]) -> Callable[P, R]:
     return _compile_for_callers(function, LEAN_INTERNAL)
 
 
-def inline(function: Callable[P, R]) -> Callable[P, R]:
+def inline(function: Function) -> Function:
     """As `internal`, and LLVM always inlines it: a loop over paths vectorises only when its body
     calls nothing."""
     return _compile_for_callers(function, INLINE)
 
 
-def splice(function: Callable[P, R]) -> Callable[P, R]:
+def splice(function: Function) -> Function:
     """Inline a function into its caller before type inference: branches on the caller's constants
     are removed.
 
@@ -401,10 +400,10 @@ def splice(function: Callable[P, R]) -> Callable[P, R]:
     would be optimised, and then again within its caller. Other functions do not: the copy is typed
     and optimised again in each caller.
     """
-    return cast(Callable[P, R], numba.njit(inline="always")(function))
+    return cast(Function, numba.njit(inline="always")(function))
 
 
-def _compile_for_callers(function: Callable[P, R], options: dict[str, Any]) -> Callable[P, R]:
+def _compile_for_callers(function: Function, options: dict[str, Any]) -> Function:
     """Have numba take a function for a compiled one.
 
     Numba's `register_jitable` would do so too, and compile it once more for each set of options of

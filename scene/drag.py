@@ -7,6 +7,7 @@ from itertools import pairwise
 from typing import Any, TypeAlias, TypedDict
 
 import numpy as np
+from numpy.polynomial.polynomial import Polynomial, polyval
 
 from rattle.scene.errors import InputError, finite, non_negative
 
@@ -68,10 +69,10 @@ def _read_polynomial(name: str, given: Mapping[str, Any]) -> DragPolynomial:
     highest = non_negative(f"{name}: highest speed", rpm[1])
     if highest <= lowest:
         raise InputError(name, [lowest, highest], "give a lowest speed and a higher one")
-    turns = np.polynomial.Polynomial(powers).deriv().roots().real  # and some more: they do no harm
+    turns = Polynomial(powers).deriv().roots().real  # and some more: they do no harm
     extremes = [lowest, highest, *turns[(turns > lowest) & (turns < highest)].tolist()]
-    torques = np.polynomial.polynomial.polyval(extremes, powers)
-    largest = np.polynomial.polynomial.polyval(highest, np.abs(powers))
+    torques = polyval(extremes, powers)
+    largest = polyval(highest, np.abs(powers))
     if torques.min() < BELOW_ZERO * largest:
         at = extremes[int(torques.argmin())]
         why = f"is {torques.min():.3g} N mm at {at:.4g} 1/min; drag cannot push a wheel"
@@ -94,8 +95,7 @@ def drag_at(name: str, drag: DragLaw, rpm: float) -> float:
         why = f"the {what} ends at {lowest:g} and {highest:g} 1/min; {more}"
         raise InputError(name, f"{rpm:g} 1/min", why)
     if not isinstance(drag, tuple):
-        torque = np.polynomial.polynomial.polyval(rpm, drag["polynomial"])
-        return max(float(torque), 0.0)
+        return max(float(polyval(rpm, drag["polynomial"])), 0.0)
     right = min(bisect_right(drag, (rpm, float("inf"))), len(drag) - 1)
     rpm0, torque0 = drag[right - 1]
     rpm1, torque1 = drag[right]

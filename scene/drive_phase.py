@@ -194,11 +194,12 @@ def _check_turning(measured: Measurement, good: Bools, omega: float | None) -> b
         return True
     k = wrong[0]
     value = f"speed = {speed[k] / measured.factor:g} {measured.unit}"
+    why = ""
     if speed[good].max() <= 0.0:
         why = "is negative where the angle rises; turn the sign of one of the columns"
-        raise InputError(f"drive.file, line {measured.lines[k]}", value, why)
-    if omega is None:
+    elif omega is None:
         why = "give omega, since it is no speed of rotation: that has one sign"
+    if why:
         raise InputError(f"drive.file, line {measured.lines[k]}", value, why)
     return False
 

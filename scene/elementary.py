@@ -28,6 +28,11 @@ def powers(x: Floats, most: int) -> list[Floats]:
     return list(accumulate(repeat(x, most), mul, initial=np.ones_like(x)))
 
 
+def unknown(*shape: int) -> Floats:
+    """An array of numbers of which none is known yet: NaN."""
+    return np.full(shape, np.nan)
+
+
 @cache
 def gauss_legendre(n: int) -> tuple[Floats, Floats]:
     """Nodes and weights of Gauss and Legendre's quadrature on [-1, 1].

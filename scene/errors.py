@@ -95,18 +95,24 @@ def finite(field: str, value: object) -> float:
     return number
 
 
-def positive(field: str, value: float) -> float:
-    """Check for a finite number above zero."""
+def take_numbers(part: object, place: str, *names: str) -> None:
+    """Make fields of a part of a scene floats, or refuse what is no finite number."""
+    for name in names:
+        object.__setattr__(part, name, finite(f"{place}.{name}", getattr(part, name)))
+
+
+def positive(field: str, value: float, least: float = 0.0, most: float = math.inf) -> float:
+    """Check for a finite number above zero, and within bounds."""
     if not finite(field, value) > 0.0:
         raise InputError(field, value, "must be greater than 0")
-    return value
+    return check_range(field, value, least, most, zero=False)
 
 
-def non_negative(field: str, value: float) -> float:
-    """Check for a finite number, zero or above."""
+def non_negative(field: str, value: float, least: float = 0.0, most: float = math.inf) -> float:
+    """Check for a finite number that is zero, or above it and within bounds."""
     if not finite(field, value) >= 0.0:
         raise InputError(field, value, "must be 0 or greater")
-    return value
+    return check_range(field, value, least, most)
 
 
 def unit_interval(field: str, value: float) -> float:

@@ -9,12 +9,13 @@ import re
 import select
 import stat
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 from rattle.scene.errors import FileError, InputError
+from rattle.scene.types import Facts
 
 TABLE = re.compile(r"\s*\[+([^\[\]]+)\]")
 KEY_PATTERN = re.compile(r"""\s*["']?([\w.-]+)["']?\s*=""")
@@ -88,33 +89,16 @@ def read_json(what: str, path: str | Path, give: str) -> Any:
 
 def parse_json(text: str | bytes) -> Any:
     """Parse a JSON text; ValueError where it is none, or nested too deep."""
-    try:
-        data = json.loads(text)
-    except RecursionError:
-        raise ValueError(TOO_DEEP) from None
-    except json.JSONDecodeError:
-        raise
-    except ValueError:  # of Python, about a setting of its own
-        raise ValueError(TOO_LARGE) from None
-    _check_data(data)
-    return data
+    return _parse(json.loads, text, json.JSONDecodeError)
 
 
-def parse_toml(text: str) -> dict[str, Any]:
+def parse_toml(text: str) -> Facts:
     """Parse a TOML text; ValueError where it is none, or too large or too deep."""
     if len(text) > MOST_TOML:
         raise ValueError(f"the text has {len(text):,} characters, more than {MOST_TOML:,}")
     if LONG_KEY.search(text):
         raise ValueError(f"a key has more than {MOST_DEPTH} parts")
-    try:
-        data = tomllib.loads(text)
-    except RecursionError:
-        raise ValueError(TOO_DEEP) from None
-    except tomllib.TOMLDecodeError:
-        raise
-    except ValueError:  # of Python, about a setting of its own
-        raise ValueError(TOO_LARGE) from None
-    _check_data(data)
+    data: Facts = _parse(tomllib.loads, text, tomllib.TOMLDecodeError)
     return data
 
 
@@ -122,8 +106,17 @@ TOO_DEEP = f"tables or lists are nested more than {MOST_DEPTH} deep"
 TOO_LARGE = "an integer is larger than any number here"
 
 
-def _check_data(data: Any) -> None:
-    """Check how deep data are nested, and their integers."""
+def _parse(loads: Callable[[Any], Any], text: str | bytes, error: type[ValueError]) -> Any:
+    """The data of a text by a parser that raises `error` where it is none; checks how deep they are
+    nested, and their integers."""
+    try:
+        data = loads(text)
+    except RecursionError:
+        raise ValueError(TOO_DEEP) from None
+    except error:
+        raise
+    except ValueError:  # of Python, about a setting of its own
+        raise ValueError(TOO_LARGE) from None
     level = [data]
     for _ in range(MOST_DEPTH + 1):
         if any(isinstance(item, int) and item.bit_length() > MOST_BITS for item in level):
@@ -135,11 +128,11 @@ def _check_data(data: Any) -> None:
         ]
         level = [item for items in nested for item in items]
         if not nested:
-            return
+            return data
     raise ValueError(TOO_DEEP)
 
 
-def read_toml(text: str) -> dict[str, Any]:
+def read_toml(text: str) -> Facts:
     """Parse a TOML text."""
     if not isinstance(text, str):
         raise FileError("TOML", text, "give text")

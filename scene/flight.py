@@ -29,7 +29,7 @@ from rattle.scene.drive import (
     whole_periods,
 )
 from rattle.scene.elementary import gauss_legendre
-from rattle.scene.linear_algebra import add, congruence
+from rattle.scene.linear_algebra import add, add_outer, congruence
 from rattle.scene.spring import sprung
 from rattle.scene.types import Constants, Floats
 
@@ -68,8 +68,7 @@ def deviations(c: Constants) -> Floats:
     Shapes: result (wheels, wheels).
     """
     v = np.zeros((c.wheels.size, c.wheels.size))
-    for i in range(c.wheels.size):
-        wheel = c.wheels[i]
+    for i, wheel in enumerate(c.wheels):
         v[i, i] = wheel.sign
         if wheel.parent >= 0:
             for j in range(i):
@@ -90,8 +89,8 @@ def respond(c: Constants, i: int, t: float) -> Damped:
 def fastest_rate(c: Constants) -> float:
     """A bound of the rates at which wheels relax or swing."""
     fastest = 0.0
-    for i in range(c.wheels.size):
-        fastest = max(fastest, c.wheels[i].fastest)
+    for wheel in c.wheels:
+        fastest = max(fastest, wheel.fastest)
     return fastest
 
 
@@ -171,8 +170,7 @@ def displace(c: Constants, tau: float, u: Floats, s: Floats, t: float, out: Floa
 
     Shapes: `u` (wheels,), the wheels' speeds at the start; `s`, `out` (2 wheels,).
     """
-    for i in range(c.wheels.size):
-        wheel = c.wheels[i]
+    for i, wheel in enumerate(c.wheels):
         y = s[2 * i + 1]
         if wheel.parent < 0:
             p = respond(c, i, t)
@@ -216,16 +214,17 @@ def field(c: Constants, tau: float, s: Floats) -> Floats:
     """
     u = wheel_speeds(c, tau, s)
     f = np.empty(s.size)
-    for i in range(c.wheels.size):
-        wheel = c.wheels[i]
-        f[2 * i] = s[2 * i + 1]
+    for i, wheel in enumerate(c.wheels):
+        x = 2 * i
+        y = x + 1
+        f[x] = s[y]
         if wheel.parent < 0:
             pull = wheel.beta * u[i] + wheel.gamma
             driver = wheel.turn * c.alpha * acceleration(c.drive, tau)
-            f[2 * i + 1] = wheel.sign * (driver + pull) - wheel.stiffness * s[2 * i]
+            f[y] = wheel.sign * (driver + pull) - wheel.stiffness * s[x]
         else:
-            relative = -wheel.coupling * u[wheel.parent] - wheel.beta * s[2 * i + 1]
-            f[2 * i + 1] = relative + wheel.drag
+            relative = -wheel.coupling * u[wheel.parent] - wheel.beta * s[y]
+            f[y] = relative + wheel.drag
     return f
 
 
@@ -238,8 +237,7 @@ def field_rate(c: Constants, tau: float) -> Floats:
     f = np.zeros(2 * c.wheels.size)
     second = acceleration(c.drive, tau)
     third = jerk(c.drive, tau)
-    for i in range(c.wheels.size):
-        wheel = c.wheels[i]
+    for i, wheel in enumerate(c.wheels):
         f[2 * i + 1] = c.alpha * (wheel.second * third + wheel.first * second)
     return f
 
@@ -253,39 +251,41 @@ def system_matrix(c: Constants) -> Floats:
     size = 2 * c.wheels.size
     a = np.zeros((size, size))
     v = deviations(c)
-    for i in range(c.wheels.size):
-        wheel = c.wheels[i]
-        a[2 * i, 2 * i + 1] = 1.0
-        a[2 * i + 1, 2 * i] = -wheel.stiffness
-        a[2 * i + 1, 2 * i + 1] = -wheel.beta
+    for i, wheel in enumerate(c.wheels):
+        x = 2 * i
+        y = x + 1
+        a[x, y] = 1.0
+        a[y, x] = -wheel.stiffness
+        a[y, y] = -wheel.beta
         if wheel.parent >= 0:
             for j in range(i):
-                a[2 * i + 1, 2 * j + 1] = wheel.coupling * v[wheel.parent, j]
+                a[y, 2 * j + 1] = wheel.coupling * v[wheel.parent, j]
     return a
 
 
 @internal
-def _propagate(c: Constants, v: Floats, apart: Floats, t: float) -> Floats:
-    """``exp(A t)`` in coordinates in which the wheels' deviations are ``v = V y``; a wheel that
-    stands `apart` is its own coordinate, and flies by itself.
+def _propagate(c: Constants, v: Floats, t: float) -> Floats:
+    """``exp(A t)`` in coordinates in which the wheels' deviations are ``v = V y``; a wheel in whose
+    deviation that of its parent has no part is its own coordinate, and flies by itself.
 
-    Shapes: `v` (wheels, wheels); `apart` (wheels,); result (2 wheels, 2 wheels).
+    Shapes: `v` (wheels, wheels); result (2 wheels, 2 wheels).
     """
     size = 2 * c.wheels.size
     j = np.zeros((size, size))
-    for i in range(c.wheels.size):
-        wheel = c.wheels[i]
+    for i, wheel in enumerate(c.wheels):
         p = respond(c, i, t)
-        j[2 * i, 2 * i] = 1.0 - wheel.stiffness * p.g
-        j[2 * i, 2 * i + 1] = p.e
-        j[2 * i + 1, 2 * i] = -wheel.stiffness * p.e
-        j[2 * i + 1, 2 * i + 1] = p.d
-        if wheel.parent >= 0 and apart[i] == 0.0:
+        x = 2 * i
+        y = x + 1
+        j[x, x] = 1.0 - wheel.stiffness * p.g
+        j[x, y] = p.e
+        j[y, x] = -wheel.stiffness * p.e
+        j[y, y] = p.d
+        if wheel.parent >= 0 and v[i, wheel.parent] != 0.0:
             q = pair(c.wheels[wheel.parent].beta, wheel.beta, t)
             for k in range(i):
                 speed = wheel.ratio * v[wheel.parent, k]
-                j[2 * i, 2 * k + 1] = speed * q.e12
-                j[2 * i + 1, 2 * k + 1] = speed * q.d12
+                j[x, 2 * k + 1] = speed * q.e12
+                j[y, 2 * k + 1] = speed * q.d12
     return j
 
 
@@ -295,7 +295,7 @@ def jacobian(c: Constants, t: float) -> Floats:
 
     Shapes: result (2 wheels, 2 wheels).
     """
-    return _propagate(c, deviations(c), np.zeros(c.wheels.size), t)
+    return _propagate(c, deviations(c), t)
 
 
 @internal
@@ -319,18 +319,17 @@ def _intensity(c: Constants, source: int, i: int) -> float:
 
 
 @internal
-def _respond_own(c: Constants, source: int, apart: Floats, lag: float, g: Floats) -> None:
+def _respond_own(c: Constants, source: int, v: Floats, lag: float, g: Floats) -> None:
     """Response of the coordinates to unit noise that acts on wheels themselves, a lag earlier.
 
     Shapes: `g` (2 wheels,).
     """
-    for i in range(c.wheels.size):
-        wheel = c.wheels[i]
+    for i, wheel in enumerate(c.wheels):
         p = respond(c, i, lag)
         pushed = wheel.sign * _intensity(c, source, i)
         g[2 * i] = pushed * p.e
         g[2 * i + 1] = pushed * p.d
-        if wheel.parent >= 0 and apart[i] == 0.0:
+        if wheel.parent >= 0 and v[i, wheel.parent] != 0.0:
             parent = c.wheels[wheel.parent]
             others = damped(parent.beta, lag)
             carried = wheel.ratio * _intensity(c, source, wheel.parent)
@@ -340,7 +339,7 @@ def _respond_own(c: Constants, source: int, apart: Floats, lag: float, g: Floats
 
 @internal
 def _respond(
-    c: Constants, source: int, apart: Floats, lag: float, sine: float, cosine: float, g: Floats
+    c: Constants, source: int, v: Floats, lag: float, sine: float, cosine: float, g: Floats
 ) -> None:
     """Response of the coordinates to unit noise a lag earlier (see `noise_covariance`).
 
@@ -348,11 +347,10 @@ def _respond(
     orders there. Shapes: `g` (2 wheels,).
     """
     if c.modulates == 0.0 or source != COMMON:
-        _respond_own(c, source, apart, lag, g)
+        _respond_own(c, source, v, lag, g)
         return
-    for i in range(c.wheels.size):
-        wheel = c.wheels[i]
-        if wheel.parent < 0 or apart[i] != 0.0:
+    for i, wheel in enumerate(c.wheels):
+        if wheel.parent < 0 or v[i, wheel.parent] == 0.0:
             p = respond(c, i, lag)
             m = wheel.sign * wheel.turn * (wheel.beta * cosine - sine)
             g[2 * i] = p.e * m
@@ -368,7 +366,7 @@ def _respond(
 
 
 @internal
-def _over_panels(c: Constants, source: int, apart: Floats, tau: float, t: float) -> Floats:
+def _over_panels(c: Constants, source: int, v: Floats, tau: float, t: float) -> Floats:
     """Covariance of unit noise by Gauss-Legendre quadrature on panels of the lag before the end.
 
     Panels grow with the lag, for what is damped fast is over by then; a spring swings on.
@@ -388,29 +386,25 @@ def _over_panels(c: Constants, source: int, apart: Floats, tau: float, t: float)
         for n in range(NODES.size):
             lag = past + h * NODES[n]
             first, second = motion_after(c.drive, tau, t - lag)
-            _respond(c, source, apart, lag, -second, first, g)
-            for a in range(size):
-                for b in range(size):
-                    q[a, b] += h * WEIGHTS[n] * (g[a] * g[b])
+            _respond(c, source, v, lag, -second, first, g)
+            add_outer(q, h * WEIGHTS[n], g, g)
         past += h
         panel = min(2.0 * panel, longest)
     return q
 
 
 @internal
-def _over_periods(
-    c: Constants, source: int, v: Floats, apart: Floats, tau: float, t: float
-) -> Floats:
+def _over_periods(c: Constants, source: int, v: Floats, tau: float, t: float) -> Floats:
     """Covariance of the coordinates of `noise_covariance` by unit noise: whole periods by doubling,
     then the rest of the time."""
     periods, rest = whole_periods(t)
-    out = _over_panels(c, source, apart, tau, rest)
+    out = _over_panels(c, source, v, tau, rest)
     if periods > 0:
         whole = np.zeros(out.shape)
-        q = _over_panels(c, source, apart, tau, PERIOD)
+        q = _over_panels(c, source, v, tau, PERIOD)
         h = PERIOD
         while periods > 0:
-            carry = _propagate(c, v, apart, h)
+            carry = _propagate(c, v, h)
             if periods & 1:
                 whole = congruence(carry, whole)
                 add(whole, q)
@@ -418,7 +412,7 @@ def _over_periods(
             add(q, later)
             periods >>= 1
             h *= 2.0
-        add(out, congruence(_propagate(c, v, apart, rest), whole))
+        add(out, congruence(_propagate(c, v, rest), whole))
     return out
 
 
@@ -427,8 +421,7 @@ def _stand_apart(c: Constants, t: float) -> Floats:
     """1 for each wheel whose noise is integrated apart from that of its parent, else 0: their
     dampings differ much over the time for which speeds last."""
     apart = np.zeros(c.wheels.size)
-    for i in range(c.wheels.size):
-        wheel = c.wheels[i]
+    for i, wheel in enumerate(c.wheels):
         if wheel.parent >= 0:
             beta = c.wheels[wheel.parent].beta
             most = max(beta, wheel.beta)
@@ -457,8 +450,7 @@ def noise_covariance(c: Constants, tau: float, t: float) -> Floats:
     # deviations v and gaps y of the coordinates: a wheel apart is the coordinate sign v itself
     v = deviations(c)
     gaps = np.eye(c.wheels.size)
-    for i in range(c.wheels.size):
-        wheel = c.wheels[i]
+    for i, wheel in enumerate(c.wheels):
         for j in range(i):
             carried = wheel.ratio * v[wheel.parent, j] if wheel.parent >= 0 else 0.0
             v[i, j] = 0.0 if apart[i] != 0.0 else carried
@@ -466,13 +458,12 @@ def noise_covariance(c: Constants, tau: float, t: float) -> Floats:
     out = np.zeros((size, size))
     for source in range(COMMON, c.wheels.size):
         if source == COMMON or c.wheels[source].alone > 0.0:
-            add(out, _over_periods(c, source, v, apart, tau, t))
+            add(out, _over_periods(c, source, v, tau, t))
     to_gaps = np.zeros((size, size))
     square = c.sigma * c.sigma
     for i in range(c.wheels.size):
         for j in range(i + 1):
-            to_gaps[2 * i, 2 * j] = gaps[i, j]
-            to_gaps[2 * i + 1, 2 * j + 1] = gaps[i, j]
+            to_gaps[2 * i, 2 * j] = to_gaps[2 * i + 1, 2 * j + 1] = gaps[i, j]
     out = congruence(to_gaps, out)
     for i in range(size):
         for j in range(size):

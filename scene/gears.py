@@ -1,8 +1,8 @@
 """Loose gears in physical units (mm, kg, N, s), and the only conversion of units (Eqs. 1-3)."""
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import InitVar, dataclass, fields, replace
+from collections.abc import Sequence
+from dataclasses import InitVar, dataclass, replace
 from typing import Any, ClassVar
 
 from rattle.scene.drag import DRAG_TABLES, DragLaw, drag_at
@@ -14,7 +14,7 @@ from rattle.scene.errors import (
     suggesting,
 )
 from rattle.scene.loose_wheel import (
-    OPTIONAL_KINDS,
+    GEAR_VALUES,
     WHEEL_KINDS,
     LooseWheel,
     check_value,
@@ -23,8 +23,9 @@ from rattle.scene.loose_wheel import (
     spell_value,
     value_name,
 )
-from rattle.scene.parts import Wheel, are_given, find_parents, wheel_labels
+from rattle.scene.parts import Wheel, are_given, fields_of, find_parents, wheel_labels
 from rattle.scene.text import as_call
+from rattle.scene.types import Facts
 from rattle.scene.units import Units
 
 KG_MM_PER_S2_PER_N = 1000.0  # 1 N = 1000 kg mm / s^2
@@ -133,7 +134,7 @@ class Gears:
     tree: ClassVar[tuple[LooseWheel, ...]] = ()
     """The loose wheels of an instance, in either form; torques are those at the mean speed."""
     # of an instance what `driven` was given in place of a field's value
-    _typed: ClassVar[dict[str, Any]] = {}
+    _typed: ClassVar[Facts] = {}
     ELSEWHERE = dict.fromkeys(
         (*DRIVES[1:], "driver_radius", *SPEEDS, *DRAG_TABLES), "give it to Gears.driven"
     )
@@ -143,23 +144,20 @@ class Gears:
         has_wheels = are_given(self.wheels)
         if has_wheels:
             tree = read_wheels(self.wheels)
-            values: dict[str, Any] = {"wheels": tree}
+            values: Facts = {"wheels": tree}
             for name, value in given.items():
                 if value is not None:
                     why = "belongs to gears without wheels; give it with each wheel"
                     raise InputError(name, value, why)
+            values["epsilon"] = _common_epsilon(tree, self.epsilon)
         else:
             tree = read_wheels(_numbered_wheels(given), named=False)
             values = {name: check_value(name, v) for name, v in given.items() if v is not None}
             for number, wheel in enumerate(tree, 1):
                 values |= {f"{kind}{number}": getattr(wheel, kind) for kind in WHEEL_KINDS}
-        if has_wheels:
-            values["epsilon"] = _common_epsilon(tree, self.epsilon)
         for name in ("alpha", "epsilon", "omega"):
             values[name] = check_value(name, values.get(name, getattr(self, name)))
-        for name, value in values.items():
-            object.__setattr__(self, name, value)
-        object.__setattr__(self, "tree", tree)
+        vars(self).update(values, tree=tree)
         if origin is not None:
             self._keep_typed(origin)
         else:
@@ -177,9 +175,7 @@ class Gears:
     def _keep_typed(self, origin: "Gears") -> None:
         """Derive again what was derived in the gears that these are a changed copy of."""
         changed = {
-            f.name: v
-            for f in fields(self)
-            if (v := getattr(self, f.name)) != getattr(origin, f.name)
+            name: value for name, value in fields_of(self).items() if value != getattr(origin, name)
         }
         values = origin.values | changed
         for table, torque in DRAG_TABLES.items():
@@ -193,9 +189,9 @@ class Gears:
         return as_call("Gears.driven" if self._typed else "Gears", self.values)
 
     @property
-    def values(self) -> dict[str, Any]:
+    def values(self) -> Facts:
         """The values as they were typed, by name, without those of a wheel that does not exist."""
-        values = {f.name: getattr(self, f.name) for f in fields(self)}
+        values = fields_of(self)
         if set(DRIVES) & set(self._typed):
             del values["alpha"]
         values |= self._typed
@@ -288,9 +284,7 @@ class Gears:
         return cls._drive(typed, tables, values)
 
     @classmethod
-    def _drive(
-        cls, typed: dict[str, Any], tables: Mapping[str, Any], values: dict[str, Any]
-    ) -> "Gears":
+    def _drive(cls, typed: Facts, tables: Facts, values: Facts) -> "Gears":
         """Gears from what `driven` takes: the values that are no fields of theirs, tables of drag
         over speed, and the others."""
         given = [name for name in DRIVES if name in typed or values.get(name) is not None]
@@ -442,10 +436,10 @@ class Gears:
         return self._wheel(wheel).backlash / (2.0 * self.tree[0].backlash)
 
     @property
-    def parameters(self) -> dict[str, Any]:
+    def parameters(self) -> Facts:
         """The parameters of the model that gears fix, by the field of a scene (docs/model.md
         section 1)."""
-        values: dict[str, Any] = {"alpha": self.alpha, "epsilon": self.epsilon}
+        values: Facts = {"alpha": self.alpha, "epsilon": self.epsilon}
         if self.wheels:
             return values | {"wheels": _model_wheels(self)}
         values["gap1"] = 0.5
@@ -546,7 +540,7 @@ def values_of(gears: Gears) -> dict[str, float]:
     wheels = typed.pop("wheels", ())
     values = {name: value for name, value in typed.items() if name not in DRAG_TABLES}
     for number, wheel in enumerate(wheels, 1):
-        for kind in (*WHEEL_KINDS, *OPTIONAL_KINDS):
+        for kind in GEAR_VALUES:
             if getattr(wheel, kind) is not None:
                 values[gears.name_of(number, kind)] = getattr(wheel, kind)
         values.setdefault(gears.name_of(number, "epsilon"), gears.epsilon)
@@ -556,15 +550,13 @@ def values_of(gears: Gears) -> dict[str, float]:
 def check_typed(gears: Gears, name: str, asked: str) -> None:
     """Refuse a value of other gears, which these were given without."""
     numbers = range(1, len(gears.tree) + 1)
-    of_wheels = (
-        gears.name_of(i, kind) for i in numbers for kind in (*WHEEL_KINDS, *OPTIONAL_KINDS)
-    )
+    of_wheels = (gears.name_of(i, kind) for i in numbers for kind in GEAR_VALUES)
     if name not in values_of(gears) and name in (*Gears.ELSEWHERE, *NUMBERED, *of_wheels):
         why = "these gears were given without it; give it to Gears.driven, or in [gears], first"
         raise InputError(asked, name, why)
 
 
-def change_gears(gears: Gears, changes: Mapping[str, Any]) -> Gears:
+def change_gears(gears: Gears, changes: Facts) -> Gears:
     """Gears with other values; all others stay as they were typed, and the driver's motion as it
     is."""
     names = gears.wheel_names
@@ -593,7 +585,7 @@ def change_gears(gears: Gears, changes: Mapping[str, Any]) -> Gears:
     return Gears.driven(**values)
 
 
-def _numbered_wheels(values: Mapping[str, Any]) -> tuple[LooseWheel, ...]:
+def _numbered_wheels(values: Facts) -> tuple[LooseWheel, ...]:
     """One or two wheels in a row from numbered values; None is left out."""
     given = [name for name in WHEEL2 if values.get(name) is not None]
     if len(given) == 1:
@@ -606,7 +598,7 @@ def _numbered_wheels(values: Mapping[str, Any]) -> tuple[LooseWheel, ...]:
         raise InputError("torque2_over_rpm", table2, why)
     wheels = []
     for number in range(1, 3 if given else 2):
-        of_wheel: dict[str, Any] = {
+        of_wheel: Facts = {
             kind: values.get(value_name((), number, kind, named=False))
             for kind in (*WHEEL_KINDS, "torque_over_rpm")
         }
@@ -635,7 +627,7 @@ def _share_radius(wheels: tuple[LooseWheel, ...], radius: float | None) -> tuple
     return (replace(first, parent_radius=check_value("driver_radius", radius)), *wheels[1:])
 
 
-def _check_radius(radius: float | None, typed: Mapping[str, Any], has_wheels: bool) -> None:
+def _check_radius(radius: float | None, typed: Facts, has_wheels: bool) -> None:
     """Refuse gears without the driver's radius where it is needed, or with it for nothing."""
     has_speed = bool(set(SPEEDS) & set(typed))
     if has_speed and radius is None:
@@ -654,7 +646,7 @@ def _check_radius(radius: float | None, typed: Mapping[str, Any], has_wheels: bo
 
 
 def _brake(
-    wheels: Sequence[LooseWheel], names: Sequence[str], typed: Mapping[str, Any], radius: float
+    wheels: Sequence[LooseWheel], names: Sequence[str], typed: Facts, radius: float
 ) -> tuple[LooseWheel, ...]:
     """Wheels with their torques at the driver's mean speed, and what their damping takes there.
 
@@ -686,7 +678,7 @@ def _check_no_tables(wheels: Sequence[LooseWheel], names: Sequence[str]) -> None
             raise InputError("speed_rpm", None, why)
 
 
-def drive_by(values: dict[str, Any], name: str, amplitude: float) -> dict[str, Any]:
+def drive_by(values: Facts, name: str, amplitude: float) -> Facts:
     """Values of gears, driven by another amplitude: that of a name in `DRIVES`."""
     others = {n: v for n, v in values.items() if n not in DRIVES}
     if name != "amplitude_rad" and not {*SPEEDS, "wheels"} & set(others):

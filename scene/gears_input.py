@@ -21,6 +21,7 @@ from rattle.scene.gears import DAT21, DRIVES, NUMBERED, SPEEDS, WHEEL2, Gears
 from rattle.scene.loose_wheel import LooseWheel, kind_of_value
 from rattle.scene.measured_drive import MeasuredDrive, measure_drive
 from rattle.scene.parts import Order
+from rattle.scene.types import Facts
 
 GEAR_FIELDS = tuple(f.name for f in fields(Gears) if f.name != "wheels")
 REQUIRED = ("alpha", "epsilon", "omega", "inertia1", "radius1", "backlash1")
@@ -34,7 +35,7 @@ ORDER_KEYS = ("order", "amplitude", *AMPLITUDES, "phase", "phase_degrees")
 TOLERANCE_KEYS = ("backlash1", "backlash2", "distribution", "draw")
 
 
-def read_gears(table: Mapping[str, Any], stages: object, wheels: object = None) -> Gears:
+def read_gears(table: Facts, stages: object, wheels: object = None) -> Gears:
     """Gears from their table.
 
     `table`: The fields of Gears, which says what may be left out, and the arguments of
@@ -72,7 +73,7 @@ def read_gears(table: Mapping[str, Any], stages: object, wheels: object = None) 
         raise InputError(field, error.value, error.remedy) from None
 
 
-def read_tolerance(table: Mapping[str, Any], gears: Gears) -> dict[str, Any] | None:
+def read_tolerance(table: Facts, gears: Gears) -> Facts | None:
     """The tolerances of the backlashes in the table of the gears, as the fields of a
     `rattle.scene.Tolerance`.
 
@@ -87,7 +88,7 @@ def read_tolerance(table: Mapping[str, Any], gears: Gears) -> dict[str, Any] | N
     if not isinstance(given, Mapping):
         raise InputError("gears.tolerance", given, "write it as a table: [gears.tolerance]")
     check_keys("gears.tolerance", given, TOLERANCE_KEYS)
-    widths: dict[str, Any] = {}
+    widths: Facts = {}
     for i in (1, 2):
         name = f"gears.tolerance.backlash{i}"
         if f"backlash{i}" not in given:
@@ -107,7 +108,7 @@ def read_tolerance(table: Mapping[str, Any], gears: Gears) -> dict[str, Any] | N
     return widths | {name: given[name] for name in ("distribution", "draw") if name in given}
 
 
-def own_amplitude(gears: dict[str, Any], drive: object) -> dict[str, Any]:
+def own_amplitude(gears: Facts, drive: object) -> Facts:
     """The table of the gears, with the amplitude of the first order, in mm or rad, where it gives
     none of its own."""
     if (
@@ -170,7 +171,7 @@ def read_drive(
     return tuple(orders)
 
 
-def _phase(table: Mapping[str, Any]) -> Any:
+def _phase(table: Facts) -> Any:
     """The phase of an order in radians."""
     if "phase_degrees" not in table:
         return table.get("phase", 0.0)
@@ -184,7 +185,7 @@ def _phase(table: Mapping[str, Any]) -> Any:
     return math.radians(check_range("drive.phase_degrees", degrees, 0.0, 360.0))
 
 
-def read_measured(data: Mapping[str, Any]) -> MeasuredDrive:
+def read_measured(data: Facts) -> MeasuredDrive:
     """The measured drive of a scene file: its table ``[drive]`` with a ``file``."""
     table = data["drive"]
     gears = data.get("gears", {})
@@ -208,7 +209,7 @@ def read_measured(data: Mapping[str, Any]) -> MeasuredDrive:
     )
 
 
-def take_measured(data: dict[str, Any]) -> dict[str, Any]:
+def take_measured(data: Facts) -> Facts:
     """The data of a scene with the orders of its measured drive, and their noise where it gives
     none of its own."""
     if not isinstance(data.get("drive"), Mapping):
@@ -226,7 +227,7 @@ def take_measured(data: dict[str, Any]) -> dict[str, Any]:
     return data | {"gears": gears, "drive": orders, "scene": scene}
 
 
-def find_measured(data: dict[str, Any], folder: Path) -> dict[str, Any]:
+def find_measured(data: Facts, folder: Path) -> Facts:
     """The data of a scene file with the path of its measured drive from the folder of that file."""
     drive = data.get("drive")
     if not isinstance(drive, Mapping) or not isinstance(drive.get("file"), str):
@@ -277,7 +278,7 @@ IN_SI = {
 SMALLER = {"amplitude": ("um", 1e-3), "amplitude_rad": ("degrees", math.pi / 180.0)}
 
 
-def check_plausible(gears: Gears, table: Mapping[str, Any]) -> None:
+def check_plausible(gears: Gears, table: Facts) -> None:
     """Refuse gears that cannot exist as given; the bounds are those of this module."""
     for number, wheel in enumerate(gears.tree, 1):
         _check_wheel(wheel, {kind: gears.name_of(number, kind) for kind in UNIT})

@@ -283,21 +283,19 @@ def next_impact(
     n = c.wheels.size
     high = np.empty(n)
     low = np.empty(n)
-    for i in range(n):
-        high[i] = c.wheels[i].wall - s[2 * i]
-        low[i] = c.wheels[i].low + s[2 * i]
     begin = wheel_speeds(c, tau, s)
+    # what has been added to the displacements, and the rates
+    moved = s.copy()
     # the rounding error of a displacement is about 1e-16 times this times t
     rate = c.alpha * most_velocity(c.drive)
-    for i in range(n):
+    for i, wheel in enumerate(c.wheels):
+        high[i] = wheel.wall - s[2 * i]
+        low[i] = wheel.low + s[2 * i]
+        moved[2 * i] = 0.0
         rate += abs(begin[i])
     force = c.alpha * most_acceleration(c.drive)
     jolt = c.alpha * most_jerk(c.drive)
     sides = np.zeros(n, np.int64)
-    # what has been added to the displacements, and the rates
-    moved = s.copy()
-    for i in range(n):
-        moved[2 * i] = 0.0
     t = 0.0
     mesh = LOST
     for _ in range(MOST_SEARCH_STEPS):

@@ -7,20 +7,21 @@ error messages, for LLVM to optimise.
 """
 
 import math
+from typing import Any
 
 import numpy as np
 
-from rattle.scene.compiled import internal, jit, lean, lean_internal
+from rattle.scene.compiled import internal, jit, lean_internal
 from rattle.scene.types import Floats
 
 
 @internal
-def put_row(to: Floats, values: Floats) -> None:
-    """Copy a vector into another one.
+def put_row(to: Any, values: Any) -> None:
+    """Copy a vector into another one, or into the beginning of one.
 
-    Shapes: `to` (n,); `values` (n,).
+    Shapes: `to` (n,) or longer; `values` (n,).
     """
-    for i in range(to.size):
+    for i in range(values.size):
         to[i] = values[i]
 
 
@@ -93,12 +94,12 @@ def largest(values: Floats, count: int) -> int:
 
 @internal
 def put(to: Floats, values: Floats) -> None:
-    """Copy a matrix into another one, or into a block of one.
+    """Copy a matrix into another one, or into the first rows and columns of one.
 
-    Shapes: `to` (m, n); `values` (m, n).
+    Shapes: `to` (m, n) or larger; `values` (m, n).
     """
-    for i in range(to.shape[0]):
-        for j in range(to.shape[1]):
+    for i in range(values.shape[0]):
+        for j in range(values.shape[1]):
             to[i, j] = values[i, j]
 
 
@@ -135,16 +136,6 @@ def add_product(a: Floats, b: Floats, out: Floats) -> None:
         for k in range(a.shape[1]):
             for j in range(b.shape[1]):
                 out[i, j] += a[i, k] * b[k, j]
-
-
-@lean
-def add_products(a: Floats, b: Floats, out: Floats) -> None:
-    """Add ``A B`` to each matrix of a stack.
-
-    Shapes: `a`, `b` (stack, m, k) and (stack, k, n); `out` (stack, m, n).
-    """
-    for s in range(a.shape[0]):
-        add_product(a[s], b[s], out[s])
 
 
 @internal
@@ -253,9 +244,7 @@ def eigen(symmetric: Floats) -> tuple[Floats, Floats]:
     """
     n = symmetric.shape[0]
     a = symmetric.copy()
-    turned = np.zeros((n, n))
-    for i in range(n):
-        turned[i, i] = 1.0
+    turned = np.eye(n)
     for _ in range(SWEEPS):
         settled = True
         for p in range(n - 1):
@@ -284,16 +273,11 @@ def product(a: Floats, b: Floats) -> Floats:
 
     Shapes: `a`, `b` (..., m, k) and (..., k, n); result (..., m, n).
     """
-    stack = a.shape[:-2]
-    if stack != b.shape[:-2]:
-        stack = np.broadcast_shapes(stack, b.shape[:-2])
-        a, b = (np.broadcast_to(part, stack + part.shape[-2:]) for part in (a, b))
-    count = math.prod(stack)
-    rows, columns = a.shape[-2], b.shape[-1]
-    left, right = (np.ascontiguousarray(part).reshape(count, *part.shape[-2:]) for part in (a, b))
-    out = np.zeros((count, rows, columns))
-    add_products(left, right, out)
-    return out.reshape(*stack, rows, columns)
+    stack = np.broadcast_shapes(a.shape[:-2], b.shape[:-2])
+    out = np.zeros((*stack, a.shape[-2], b.shape[-1]))
+    for k in range(a.shape[-1]):
+        out += a[..., k, None] * b[..., k, None, :]
+    return out
 
 
 def transform(linear: Floats, form: Floats) -> Floats:
@@ -312,11 +296,17 @@ def image(matrix: Floats, v: Floats) -> Floats:
     return product(matrix, v[..., None])[..., 0]
 
 
+def total(terms: Floats) -> Floats:
+    """Sum along the last axis, in order.
+
+    Shapes: `terms` (..., n); result (...).
+    """
+    return np.asarray(np.add.accumulate(terms, axis=-1)[..., -1])
+
+
 def totals(terms: Floats) -> Floats:
     """Sum of all numbers of each matrix, in order.
 
     Shapes: `terms` (..., m, n); result (...).
     """
-    return np.asarray(
-        np.add.accumulate(terms.reshape(*terms.shape[:-2], -1), axis=-1)[..., -1] + 0.0
-    )
+    return total(terms.reshape(*terms.shape[:-2], -1)) + 0.0

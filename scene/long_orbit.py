@@ -24,6 +24,7 @@ from rattle.scene.orbit import (
     find_chatter,
     fly,
     follow,
+    last_until,
     stick,
 )
 from rattle.scene.tangent import Stretch, grow
@@ -231,8 +232,8 @@ def _cycle(orbit: Orbit, end: float, periods: int) -> Attractor:
     """One cycle at the end of an orbit."""
     # half a unit of time before an impact, so that none is at the ends of a cycle
     begin = end - 0.5 - periods * PERIOD
-    first = int(np.searchsorted(orbit.tau[: orbit.found + 1], begin, side="right")) - 1
-    last = int(np.searchsorted(orbit.tau[: orbit.found + 1], end - 0.5, side="right")) - 1
+    first = last_until(orbit.tau, begin)
+    last = last_until(orbit.tau, end - 0.5)
     part = slice(first, last + 1)
     closed = np.zeros(orbit.constants.wheels.size)
     for phase in orbit.sticking:

@@ -18,6 +18,7 @@ from rattle.scene.errors import (
 )
 from rattle.scene.parts import find_parents, wheel_labels
 from rattle.scene.text import as_call
+from rattle.scene.types import Facts
 
 SIZES = (1e-12, 1e12)  # admissible range of every dimensional value
 POSITIVE = ("omega", "inertia", "radius", "backlash", "parent_radius", "driver_radius")
@@ -26,11 +27,12 @@ WHEEL_KINDS = ("inertia", "radius", "backlash", "damping", "torque")
 """Values of every wheel."""
 OPTIONAL_KINDS = ("parent_radius", "epsilon", "backlash_tolerance")
 """Values of a wheel that it need not have."""
+GEAR_VALUES = (*WHEEL_KINDS, *OPTIONAL_KINDS)
 OF_MODEL = ("beta", "gamma", "gap", "mass", "ratio", "tolerance", "epsilon", "stiffness")
 """Values of a `rattle.scene.Wheel`, dimensionless."""
 WHEEL_VALUE = re.compile(
     r"(?:(?:wheel|body)\.([^.]+)\.)?"
-    rf"({'|'.join(dict.fromkeys((*WHEEL_KINDS, *OPTIONAL_KINDS, *OF_MODEL)))})"
+    rf"({'|'.join(dict.fromkeys((*GEAR_VALUES, *OF_MODEL)))})"
     r"([1-9][0-9]*)?"
 )
 """A value of a wheel or body: ``wheel.third.torque``, ``wheel.3.torque`` or ``torque3``."""
@@ -108,7 +110,7 @@ def check_value(name: str, value: object) -> float:
     if kind in POSITIVE:
         check_range(name, positive(name, number), *SIZES)
     elif kind in NON_NEGATIVE:
-        check_range(name, non_negative(name, number), 0.0, SIZES[1])
+        non_negative(name, number, most=SIZES[1])
     elif kind == "epsilon":
         unit_interval(name, number)
     else:
@@ -173,8 +175,8 @@ def _complete(wheel: LooseWheel, first: LooseWheel) -> LooseWheel:
 
 def _check_wheel(wheel: LooseWheel, names: Mapping[str, str]) -> LooseWheel:
     """A wheel with its values checked, as floats."""
-    checked: dict[str, Any] = {}
-    for kind in (*WHEEL_KINDS, *OPTIONAL_KINDS):
+    checked: Facts = {}
+    for kind in GEAR_VALUES:
         value = getattr(wheel, kind)
         needed = kind not in ("parent_radius", "epsilon")
         if kind == "torque":
@@ -204,9 +206,9 @@ def _as_wheel(given: object, number: int) -> LooseWheel:
     return LooseWheel(**given)
 
 
-def as_table(wheel: LooseWheel) -> dict[str, Any]:
-    """A loose wheel as a table of a file; what is as by default is left out."""
-    defaults = {f.name: f.default for f in fields(LooseWheel)}
+def as_table(wheel: Any) -> Facts:
+    """A wheel, loose or of the model, as a table of a file; what is as by default is left out."""
+    defaults = {f.name: f.default for f in fields(wheel)}
     return {name: value for name, value in asdict(wheel).items() if value != defaults[name]}
 
 

@@ -394,24 +394,18 @@ def _remark(
     per_turn: int,
 ) -> Iterator[str]:
     """What else was found, in sentences."""
-    bad = np.flatnonzero(~found.good)
-    if len(bad):
-        named = [f"{measured.lines[k]} ({measured.written[k]:g})" for k in bad[:LINES_NAMED]]
-        more = f" and {len(bad) - LINES_NAMED} more" if len(bad) > LINES_NAMED else ""
-        yield (
-            "Left out as bad, far off their neighbours: the samples of line"
-            f" {', '.join(named)}{more}."
-        )
+    bad = [f"{measured.lines[k]} ({measured.written[k]:g})" for k in np.flatnonzero(~found.good)]
+    if bad:
+        yield f"Left out as bad, far off their neighbours: the samples of line {_name_few(bad)}."
     off = np.flatnonzero(~pattern.good)
     if len(off):
         lines = measured.lines[found.good]
         edges = np.searchsorted(found.samples.tau, FULL_TURN * np.stack([off, off + 1])) - np.array(
             [[0], [1]]
         )
-        named = [f"{lines[first]} to {lines[last]}" for first, last in edges.T[:LINES_NAMED]]
-        more = f" and {len(off) - LINES_NAMED} more" if len(off) > LINES_NAMED else ""
+        named = _name_few([f"{lines[first]} to {lines[last]}" for first, last in edges.T])
         many = f"{len(off)} of {len(pattern.good)} periods"
-        yield f"{many} are left out, far off the others: line {', '.join(named)}{more}."
+        yield f"{many} are left out, far off the others: line {named}."
     if stated is not None and abs(found.length - stated) > OFF:
         yield f"The file has {found.length:.4g} periods, not the {stated} that were stated."
     yield from _remark_drift(measured, found, pattern, per_turn)
@@ -425,6 +419,12 @@ def _remark(
             f"The motion repeats only after {cycle} periods: {parts} count as left out, not as"
             " noise."
         )
+
+
+def _name_few(names: list[str]) -> str:
+    """The first of some names, and how many more there are."""
+    more = len(names) - LINES_NAMED
+    return ", ".join(names[:LINES_NAMED]) + (f" and {more} more" if more > 0 else "")
 
 
 def _remark_drift(

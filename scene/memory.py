@@ -12,7 +12,7 @@ import math
 import numpy as np
 
 from rattle.scene.compiled import internal, jit
-from rattle.scene.drive import highest_order, jerk, velocity_acceleration
+from rattle.scene.drive import acceleration, highest_order, jerk
 from rattle.scene.flight import (
     NODES,
     PANEL,
@@ -22,7 +22,7 @@ from rattle.scene.flight import (
     noise_rate,
     system_matrix,
 )
-from rattle.scene.linear_algebra import congruence, times, times_transposed
+from rattle.scene.linear_algebra import congruence, put, times, times_transposed
 from rattle.scene.types import Constants, Floats
 
 
@@ -44,11 +44,10 @@ def _push(c: Constants, tau: float, h: float) -> tuple[Floats, Floats]:
         s = h * NODES[n]
         j = jacobian(c, h - s)
         left = h * WEIGHTS[n] * c.sigma * math.exp(-s / c.memory)
-        first, second = velocity_acceleration(c.drive, tau + s)
+        second = acceleration(c.drive, tau + s)
         third = jerk(c.drive, tau + s)
-        for k in range(c.wheels.size):
-            wheel = c.wheels[k]
-            m = c.modulates * (wheel.second * second + wheel.first * first) + wheel.force
+        for k, wheel in enumerate(c.wheels):
+            m = noise_rate(c, tau + s, k)
             rate = c.modulates * (wheel.second * third + wheel.first * second)
             for i in range(size):
                 out[i] += left * (j[i, 2 * k + 1] * m)
@@ -62,11 +61,9 @@ def _of_panel(c: Constants, tau: float, h: float) -> tuple[Floats, Floats]:
     size = 2 * c.wheels.size
     whole = np.zeros((size + 1, size + 1))
     rate = np.zeros((size + 1, size + 1))
-    j = jacobian(c, h)
     pushed, slope = _push(c, tau, h)
+    put(whole, jacobian(c, h))
     for i in range(size):
-        for k in range(size):
-            whole[i, k] = j[i, k]
         whole[i, size] = pushed[i]
         rate[i, size] = slope[i]
     whole[size, size] = math.exp(-h / c.memory)

@@ -84,24 +84,15 @@ def _smallest_eigenvalue(vx: float, cross: float, vy: float) -> float:
 def _is_clear(a: Floats, scale: Floats) -> bool:
     """Whether a covariance is positive definite beyond rounding: its variances against `scale`, its
     Cholesky pivots."""
-    n = len(a)
-    root = np.zeros((n, n))
-    for j in range(n):
-        if a[j, j] == 0.0 and not a[j].any():
+    left = a.copy()
+    for j, variance in enumerate(a.diagonal()):
+        if variance == 0.0 and not a[j].any():
             continue
-        if a[j, j] < SMALLEST_DIVISOR:
+        least = max(LOST_VARIANCE * scale[j] * scale[j], SMALLEST_DIVISOR)
+        if not (variance > least and left[j, j] > RHO_ROUNDING * variance):
             return False
-        pivot = a[j, j]
-        for k in range(j):
-            pivot -= root[j, k] * root[j, k]
-        if not (pivot > RHO_ROUNDING * a[j, j] and a[j, j] > LOST_VARIANCE * scale[j] * scale[j]):
-            return False
-        root[j, j] = math.sqrt(pivot)
-        for i in range(j + 1, n):
-            left = a[i, j]
-            for k in range(j):
-                left -= root[i, k] * root[j, k]
-            root[i, j] = left / root[j, j]
+        column = left[:, j] / math.sqrt(left[j, j])
+        left -= np.outer(column, column)
     return True
 
 

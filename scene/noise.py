@@ -8,7 +8,7 @@ common to all of the scene, for the drive moves all wheels; every other acts on 
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from rattle.scene.errors import InputError, check_range, non_negative
+from rattle.scene.errors import InputError, non_negative
 from rattle.scene.parts import LARGEST_RATE, LEAST_SIZE
 
 DRIVE_NOISE = "drive"
@@ -35,8 +35,7 @@ def read_noise(noise: Any, names: Sequence[str]) -> NoiseSources:
     for name, intensity in given.items():
         number = _find(name, names)
         field = f"noise.{name}"
-        size = non_negative(field, intensity)
-        check_range(field, size, LEAST_SIZE, LARGEST_RATE)
+        size = non_negative(field, intensity, LEAST_SIZE, LARGEST_RATE)
         if number == 0 and size not in (0.0, 1.0):
             why = "that of the drive is sigma itself: 1, and the others in units of it"
             raise InputError(field, intensity, why)

@@ -17,8 +17,10 @@ import numpy as np
 from rattle.scene import Constants, Floats, Ints, Scene
 from rattle.scene.compiled import internal, jit
 from rattle.scene.drive import velocity_acceleration
+from rattle.scene.elementary import unknown
 from rattle.scene.flight import flow
 from rattle.scene.impact import LOST, MISSES, NONE, REST, next_impact, strike
+from rattle.scene.linear_algebra import put_row
 from rattle.scene.numpy_errors import numpy_defaults
 from rattle.scene.sticking import (
     close,
@@ -60,15 +62,23 @@ class Impacts(NamedTuple):
     @classmethod
     def empty(cls, impacts: int, wheels: int) -> "Impacts":
         """Room for a start and so many impacts after it, none of which is known yet."""
-        tau, flight = np.full((2, impacts + 1), np.nan)
+        tau, flight = unknown(2, impacts + 1)
         mesh, side = np.zeros((2, impacts + 1), np.int64)
-        before, after = np.full((2, impacts + 1, 2 * wheels), np.nan)
+        before, after = unknown(2, impacts + 1, 2 * wheels)
         return cls(tau, flight, mesh, side, before, after)
 
     @classmethod
     def of(cls, orbit: Any, part: slice = slice(None)) -> "Impacts":
         """The impacts of an orbit, or of what has arrays of the same names, or a part of them."""
         return cls(*(getattr(orbit, name)[part] for name in cls._fields))
+
+    def until(self, last: int) -> "Impacts":
+        """Copies in which no impact after the last one is known."""
+        known = Impacts._make(values.copy() for values in self)
+        unknown = Impacts.empty(0, self.before.shape[1] // 2)
+        for values, missing in zip(known, unknown, strict=True):
+            values[last + 1 :] = missing[0]
+        return known
 
 
 @internal
@@ -79,9 +89,8 @@ def put_impact(
     at.tau[k] = tau
     at.flight[k] = flight
     at.mesh[k] = mesh
-    for i in range(state.size):
-        at.before[k, i] = state[i]
-        at.after[k, i] = state[i]
+    put_row(at.before[k], state)
+    put_row(at.after[k], state)
     if mesh > 0:
         at.side[k] = nearest_wall(c, mesh - 1, state[2 * mesh - 2])[0]
         strike(c, mesh, at.after[k])
@@ -130,12 +139,11 @@ def find_chatter(c: Constants, at: Impacts, k: int) -> tuple[float, Ints]:
 @internal
 def put_leg(legs: Floats, n: int, k: int, tau: float, state: Floats, closed: Ints) -> int:
     """Write row n of the legs, one after impact k; returns the number of the next row."""
-    legs[n, 0] = tau
-    for i in range(state.size):
-        legs[n, 1 + i] = state[i]
-    for i in range(closed.size):
-        legs[n, 1 + state.size + i] = closed[i]
-    legs[n, 1 + state.size + closed.size] = k
+    leg = legs[n]
+    leg[0] = tau
+    put_row(leg[1:], state)
+    put_row(leg[1 + state.size :], closed)
+    leg[-1] = k
     return n + 1
 
 
@@ -155,9 +163,9 @@ def stick(
     t, sticking = find_chatter(c, at, k)
     if t < math.inf:
         walls = np.empty(state.size)
-        for i in range(c.wheels.size):
-            walls[2 * i] = c.wheels[i].wall
-            walls[2 * i + 1] = c.wheels[i].low
+        for i, wheel in enumerate(c.wheels):
+            walls[2 * i] = wheel.wall
+            walls[2 * i + 1] = wheel.low
         state = flow(c, tau, state, t)
         close(c, state, sticking, walls, bodies)
         tau += t
@@ -236,6 +244,11 @@ def first_state(scene: Scene) -> Floats:
     one."""
     state: Floats = begin(scene, 0).after[0]
     return state
+
+
+def last_until(times: Floats, time: float) -> int:
+    """Index of the last of some rising times, NaN after them, that is not later than another."""
+    return int(np.searchsorted(times, time, side="right")) - 1
 
 
 ITINERARY_SHOWN = 12  # impacts of an itinerary that a repr shows
@@ -335,11 +348,8 @@ class Orbit:
         if not self.sticking:
             return self
         k = self.sticking[0].impact
-        cut = Impacts._make(values.copy() for values in Impacts.of(self))
-        wheels = self.constants.wheels.size
-        for values, missing in zip(cut, Impacts.empty(0, wheels), strict=True):
-            values[k + 1 :] = missing[0]
-        sticks = self.legs[:, 1 + 2 * wheels :].any(axis=1)
+        cut = Impacts.of(self).until(k)
+        sticks = self.legs[:, 1 + self.before.shape[1] :].any(axis=1)
         legs = self.legs[: int(sticks.argmax())]
         return Orbit(self.constants, *cut, k, f"{MISSES[REST]} after impact {k}", legs, ())
 
@@ -356,7 +366,7 @@ class Orbit:
         ndarray, shape (2 wheels,)
             ``(x1, y1, ...)``.
         """
-        leg = self.legs[int(np.searchsorted(self.legs[:, 0], time, side="right")) - 1]
+        leg = self.legs[last_until(self.legs[:, 0], time)]
         states = 2 * self.constants.wheels.size
         closed = leg[1 + states :].astype(np.int64)
         begun = leg[1 : 1 + states]

@@ -21,10 +21,11 @@ from rattle.scene.errors import (
     non_negative,
     positive,
     suggesting,
+    take_numbers,
     unit_interval,
 )
 from rattle.scene.text import as_call
-from rattle.scene.types import CUT, MOST_RESTITUTIONS, MOST_WHEELS, state_names
+from rattle.scene.types import CUT, MOST_RESTITUTIONS, MOST_WHEELS, Facts, state_names
 
 _edge = math.exp(-0.5 * CUT**2) / math.sqrt(2.0 * math.pi)
 UNIT_VARIANCE = {
@@ -110,14 +111,13 @@ class Restitution:
     def __post_init__(self) -> None:
         for name in ("sd", "least", "most", "speed"):
             value = getattr(self, name)
-            if value is not None:
-                object.__setattr__(self, name, finite(f"restitution.{name}", value))
             if value is not None and name != "speed":
                 unit_interval(f"restitution.{name}", value)
+            if value is not None:
+                take_numbers(self, "restitution", name)
         choice("restitution.draw", self.draw, DRAWS)
         if self.speed is not None:
-            speed = positive("restitution.speed", self.speed)
-            check_range("restitution.speed", speed, *GAPS, zero=False)
+            positive("restitution.speed", self.speed, *GAPS)
         if self.table is None:
             return
         if self.speed is not None:
@@ -162,8 +162,7 @@ def _read_rows(given: Iterable[Any]) -> tuple[tuple[float, float], ...]:
     table = []
     for number, row in enumerate(rows, 1):
         place = f"{name}: speed of row {number}"
-        speed = positive(place, finite(place, row[0]))
-        check_range(place, speed, *GAPS, zero=False)
+        speed = positive(place, finite(place, row[0]), *GAPS)
         place = f"{name}: restitution of row {number}"
         table.append((speed, unit_interval(place, finite(place, row[1]))))
     for (slower, before), (faster, after) in pairwise(table):
@@ -266,21 +265,17 @@ class Wheel:
     restitution: Restitution | None = None
 
     def __post_init__(self) -> None:
-        for name in ("beta", "gamma", "gap", "mass", "ratio", "tolerance", "stiffness"):
-            object.__setattr__(self, name, finite(f"wheel.{name}", getattr(self, name)))
-        check_range("wheel.beta", non_negative("wheel.beta", self.beta), 0.0, LARGEST_BETA)
-        gamma = non_negative("wheel.gamma", self.gamma)
-        check_range("wheel.gamma", gamma, LEAST_SIZE, LARGEST_RATE)
-        stiffness = non_negative("wheel.stiffness", self.stiffness)
-        check_range("wheel.stiffness", stiffness, LEAST_SIZE, LARGEST_STIFFNESS)
-        for name, (least, most) in {"gap": GAPS, "mass": MASSES, "ratio": RATIOS}.items():
-            value = getattr(self, name)
-            in_middle = name == "gap" and self.one_sided is True and value == 0.0
-            if not in_middle:
-                value = positive(f"wheel.{name}", value)
-                check_range(f"wheel.{name}", value, least, most, zero=False)
-        tolerance = non_negative("wheel.tolerance", self.tolerance)
-        check_range("wheel.tolerance", tolerance, LEAST_SIZE, GAPS[1])
+        names = ("beta", "gamma", "gap", "mass", "ratio", "tolerance", "stiffness")
+        take_numbers(self, "wheel", *names)
+        non_negative("wheel.beta", self.beta, most=LARGEST_BETA)
+        non_negative("wheel.gamma", self.gamma, LEAST_SIZE, LARGEST_RATE)
+        non_negative("wheel.stiffness", self.stiffness, LEAST_SIZE, LARGEST_STIFFNESS)
+        in_middle = self.one_sided is True and self.gap == 0.0
+        if not in_middle:
+            positive("wheel.gap", self.gap, *GAPS)
+        positive("wheel.mass", self.mass, *MASSES)
+        positive("wheel.ratio", self.ratio, *RATIOS)
+        non_negative("wheel.tolerance", self.tolerance, LEAST_SIZE, GAPS[1])
         if self.tolerance and self.tolerance >= self.gap:
             why = f"must be below gap = {self.gap}, or a gap could close"
             raise InputError("wheel.tolerance", self.tolerance, why)
@@ -290,7 +285,7 @@ class Wheel:
             why = "a wall that stands alone has no tolerance: start paths from another place"
             raise InputError("wheel.tolerance", self.tolerance, why)
         if self.epsilon is not None:
-            object.__setattr__(self, "epsilon", finite("wheel.epsilon", self.epsilon))
+            take_numbers(self, "wheel", "epsilon")
             unit_interval("wheel.epsilon", self.epsilon)
 
         if not isinstance(self.restitution, Restitution | None):
@@ -320,6 +315,11 @@ class Wheel:
         if x == self.gap:
             return 1
         return -1 if x == -self.low_gap else 0
+
+
+def fields_of(part: Any, *left_out: str) -> Facts:
+    """Fields of a dataclass by name, as they are."""
+    return {f.name: getattr(part, f.name) for f in fields(part) if f.name not in left_out}
 
 
 def are_given(wheels: object) -> bool:
@@ -410,13 +410,8 @@ class Tolerance:
 
     def __post_init__(self) -> None:
         for name in ("c1_max", "c2_max"):
-            object.__setattr__(self, name, finite(f"tolerance.{name}", getattr(self, name)))
-            check_range(
-                f"tolerance.{name}",
-                non_negative(f"tolerance.{name}", getattr(self, name)),
-                LEAST_SIZE,
-                GAPS[1],
-            )
+            take_numbers(self, "tolerance", name)
+            non_negative(f"tolerance.{name}", getattr(self, name), LEAST_SIZE, GAPS[1])
         choice("tolerance.distribution", self.distribution, UNIT_VARIANCE)
         choice("tolerance.draw", self.draw, DRAWS)
 
@@ -472,8 +467,7 @@ class Order:
         object.__setattr__(
             self, "order", count("drive.order", self.order, least=1, most=LARGEST_ORDER)
         )
-        for name in ("amplitude", "phase"):
-            object.__setattr__(self, name, finite(f"drive.{name}", getattr(self, name)))
+        take_numbers(self, "drive", "amplitude", "phase")
         check_range("drive.amplitude", self.amplitude, LEAST_SIZE, GAPS[1])
         if abs(self.phase) > LARGEST_PHASE:
             degrees = f"if it is in degrees, write {math.radians(self.phase):.6g}"
@@ -486,6 +480,8 @@ class Order:
 
 SINE_ALONE = (Order(1),)
 """The drive ``sin tau``."""
+TWO_STATES = state_names(2)
+"""Fields of a start for the state of up to two wheels."""
 
 
 @suggesting
@@ -527,8 +523,7 @@ class Start:
     state: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
-        for name in ("tau", "x1", "y1", "x2", "y2"):
-            object.__setattr__(self, name, finite(f"start.{name}", getattr(self, name)))
+        take_numbers(self, "start", "tau", *TWO_STATES)
         check_range("start.tau", self.tau, 0.0, LARGEST_TIME)
         self._take_state()
         for name, value in zip(state_names(len(self.values) // 2), self.values, strict=True):
@@ -538,10 +533,13 @@ class Start:
         object.__setattr__(self, "mesh", mesh)
 
     def __repr__(self) -> str:
-        unused = ("x1", "y1", "x2", "y2") if self.state else ("state",)
-        return as_call(
-            "Start", {f.name: getattr(self, f.name) for f in fields(self) if f.name not in unused}
-        )
+        return as_call("Start", self.table)
+
+    @property
+    def table(self) -> Facts:
+        """Its fields, without those that it has no use for."""
+        unused = TWO_STATES if self.state else ("state",)
+        return fields_of(self, *unused)
 
     def _take_state(self) -> None:
         """Check a state that is given as a whole; one of two wheels becomes the four numbers."""
@@ -557,8 +555,7 @@ class Start:
         short = len(given) <= 4
         object.__setattr__(self, "state", () if short else tuple(given))
         if short:
-            for name, value in zip(("x1", "y1", "x2", "y2"), given, strict=False):
-                object.__setattr__(self, name, value)
+            vars(self).update(zip(TWO_STATES, given, strict=False))
 
     @property
     def values(self) -> tuple[float, ...]:

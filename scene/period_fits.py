@@ -14,6 +14,7 @@ import numpy as np
 from numpy.polynomial.legendre import legvander
 from numpy.typing import NDArray
 
+from rattle.scene.elementary import unknown
 from rattle.scene.types import Bools, Floats, Ints
 
 Waves = NDArray[np.complex128]
@@ -123,7 +124,7 @@ def measure_gains(samples: Samples, highest: int, mean: Waves) -> tuple[Floats, 
     size = (np.abs(mean) ** 2).sum()
     target = (1j * orders) ** (2 - samples.power) * np.conj(mean) / size
     aim = np.concatenate([np.zeros(3 - samples.power), np.real(target), np.imag(target)])
-    drive, own = np.full((2, count_periods(samples.tau)), np.nan)
+    drive, own = unknown(2, count_periods(samples.tau))
     for k, (rows, design) in enumerate(_windows(samples, 1, highest)):
         if len(rows) < SPARE_ROWS * design.shape[1]:
             continue

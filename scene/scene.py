@@ -2,10 +2,9 @@
 them."""
 
 import math
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from copy import copy
-from dataclasses import asdict, dataclass, field, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any, TypeVar
@@ -17,24 +16,34 @@ from rattle.scene import errors, gears_input
 from rattle.scene.errors import InputError, suggesting
 from rattle.scene.files import in_file, read_text, read_toml
 from rattle.scene.gears import DAT21, Gears, change_gears
-from rattle.scene.loose_wheel import as_table
 from rattle.scene.noise import DRIVE_NOISE, NoiseSources, list_sources, read_noise
 from rattle.scene.parts import (
     GAPS,
     LEAST_SIZE,
     MEMORY_RANGE,
     SINE_ALONE,
+    TWO_STATES,
     Order,
-    Restitution,
     Start,
     Tolerance,
     Wheel,
+    fields_of,
     find_parents,
     move_to_flanks,
     wheel_labels,
 )
+from rattle.scene.scene_checks import (
+    are_in_a_row,
+    check_springs,
+    check_start,
+    check_tolerance,
+    of_wheel,
+    short_form,
+    sort_orders,
+)
+from rattle.scene.scene_tables import FREE_FIELDS, SHORT, read_tables, write_tables
 from rattle.scene.text import as_call, as_html
-from rattle.scene.types import SINE, WHEEL, Constants, Floats, Orders, Wheels
+from rattle.scene.types import Constants, Facts, Floats, Wheels
 from rattle.scene.words import BODIES, GEARBOX, PAIR, Words
 
 Times = TypeVar("Times", float, Floats)
@@ -52,24 +61,7 @@ CACHED = ("tree", "_compiled_wheels", "law", "noise_sources")
 """What a scene computes once and keeps."""
 UNRELATED = {"sigma", "start"}
 """Fields whose change leaves that as it is."""
-FAR_ORDERS = 8
-"""Gap between orders above which the sine of the next one is not computed from that of the last."""
-SHORT = {
-    "beta1": 0.0,
-    "gamma1": 0.0,
-    "beta2": 0.0,
-    "gamma2": 0.0,
-    "mu": 0.0,
-    "gap1": 0.5,
-    "gap2": 0.5,
-}
-"""Fields of one or two wheels in a row, and what they are in a scene of `Wheel`, which has no use
-for them."""
 PLAIN_WHEEL = Wheel(beta=0.0, gamma=0.0)
-TABLES = ("gears", "wheel", "body", "scene", "drive")
-"""Tables of a scene file."""
-FREE_FIELDS = ("sigma", "tolerance", "start", "stages", "drive", "correlation_time", "noise")
-"""Fields of a scene that gears do not fix."""
 
 
 @suggesting
@@ -193,34 +185,30 @@ class Scene:
                 if getattr(self, name) is None:
                     raise InputError(name, None, "is needed, or give wheels")
         for f in fields(self):
-            if f.type is float or f.type == "float":
+            if f.type is float:
                 object.__setattr__(self, f.name, errors.finite(f.name, getattr(self, f.name)))
         for name, most in LARGEST_VALUES.items():
             least = 0.0 if name.startswith("beta") else LEAST_SIZE
-            errors.check_range(name, errors.non_negative(name, getattr(self, name)), least, most)
+            errors.non_negative(name, getattr(self, name), least, most)
         errors.unit_interval("epsilon", self.epsilon)
         for name in ("gap1", "gap2"):
-            errors.check_range(name, errors.positive(name, getattr(self, name)), *GAPS, zero=False)
+            errors.positive(name, getattr(self, name), *GAPS)
         if self.stages == 2 and not self.wheels and not 0.0 < self.mu < 1.0:
             raise InputError(
                 "mu", self.mu, "two stages need mu = I2 R1^2 / (I1 R2^2 + I2 R1^2), between 0 and 1"
             )
         errors.check_range("mu", self.mu, LEAST_SIZE, 1.0)
-        errors.check_range(
-            "correlation_time",
-            errors.non_negative("correlation_time", self.correlation_time),
-            *MEMORY_RANGE,
-        )
-        self._check_drive()
-        self._check_springs()
+        errors.non_negative("correlation_time", self.correlation_time, *MEMORY_RANGE)
+        object.__setattr__(self, "drive", sort_orders(self.drive))
+        check_springs(self.tree)
         for label, wheel in zip(self.wheel_names, self.tree, strict=True):
-            with _of_wheel(label):
+            with of_wheel(label):
                 _ = wheel.law  # refuses one that does not fit its epsilon
         self._check_noise()
-        self._check_tolerance()
+        check_tolerance(self.tolerance, self.tree, not self.wheels)
         if self.start is None:
             object.__setattr__(self, "start", self._default_start)
-        self._check_start()
+        check_start(self.start, self.tree)
 
     def _check_gears(self) -> None:
         """Keep the gears only as long as all that they fix is theirs."""
@@ -235,10 +223,10 @@ class Scene:
     def __repr__(self) -> str:
         """Python text that makes the scene, to the last bit, on a few lines; defaults are left
         out."""
-        shown = {f.name: getattr(self, f.name) for f in fields(self) if f.repr}
+        shown = fields_of(self, "gears")
         if isinstance(self.noise, tuple):
             shown["noise"] = dict(self.noise)
-        defaults: dict[str, Any] = {f.name: f.default for f in fields(self)}
+        defaults: Facts = {f.name: f.default for f in fields(self)}
         defaults["start"] = self._default_start
         defaults["bodies"] = not self.is_gears
         if self.wheels:
@@ -255,40 +243,6 @@ class Scene:
 
     def _repr_html_(self) -> str:
         return as_html(repr(self))
-
-    def _check_drive(self) -> None:
-        """Put the orders in ascending order, or say what is wrong with them."""
-        try:
-            orders = tuple(self.drive)
-        except TypeError:
-            raise InputError("drive", self.drive, "give a sequence of Order") from None
-        for one in orders:
-            if not isinstance(one, Order):
-                raise InputError("drive", one, "give a sequence of Order")
-        numbers = [one.order for one in orders]
-        twice = [number for number in numbers if numbers.count(number) > 1]
-        if twice:
-            raise InputError(
-                "drive.order",
-                twice[0],
-                "is given twice; give one amplitude and phase to each order",
-            )
-        if not any(one.amplitude for one in orders):
-            raise InputError(
-                "drive",
-                orders,
-                "has no order with an amplitude; for a driver at rest give alpha = 0",
-            )
-        object.__setattr__(self, "drive", tuple(sorted(orders, key=lambda one: one.order)))
-
-    def _check_springs(self) -> None:
-        """Check that a spring holds only what meshes with the driver and drives nothing: its
-        displacement is its own."""
-        parents = [wheel.parent for wheel in self.tree]
-        for number, (label, wheel) in enumerate(zip(self.wheel_names, self.tree, strict=True), 1):
-            if wheel.stiffness and (wheel.parent != 0 or number in parents):
-                why = "a spring holds only what meshes with the driver and drives no other: 0 here"
-                raise InputError(f"wheel.{label}.stiffness", wheel.stiffness, why)
 
     def _check_noise(self) -> None:
         """Check that the noise acts on something that the scene has."""
@@ -324,19 +278,6 @@ class Scene:
         """
         return list_sources(self.noise, self.wheel_names)
 
-    def _check_tolerance(self) -> None:
-        if self.tolerance is None:
-            return
-        if not isinstance(self.tolerance, Tolerance):
-            raise InputError("tolerance", self.tolerance, "give a Tolerance")
-        for i, wheel in enumerate(self.tree, 1):
-            if not self.wheels and wheel.tolerance >= wheel.gap:
-                why = f"must be below gap{i} = {wheel.gap}, or a gap could close"
-                raise InputError(f"tolerance.c{i}_max", wheel.tolerance, why)
-        if self.wheels and max(self.tolerance.c1_max, self.tolerance.c2_max) > 0.0:
-            why = "of a scene of wheels is given with each: Wheel(tolerance=...)"
-            raise InputError("tolerance.c1_max", self.tolerance.c1_max, why)
-
     def _take_wheels(self) -> None:
         """Check the wheels of a gearbox; one or two in a row become the short form."""
         given = tuple(self.wheels)
@@ -358,24 +299,9 @@ class Scene:
         if self.epsilon is None:
             object.__setattr__(self, "epsilon", given[0].epsilon)
         values = {"wheels": given, "stages": len(given)}
-        if self.gears is None and _are_in_a_row(given, self.epsilon):
-            values |= self._short_form(given)
-        for name, value in values.items():
-            object.__setattr__(self, name, value)
-
-    def _short_form(self, wheels: tuple[Wheel, ...]) -> dict[str, Any]:
-        """The fields of one or two wheels in a row."""
-        values: dict[str, Any] = {"wheels": ()}
-        for number, wheel in enumerate(wheels, 1):
-            values |= {f"{name}{number}": getattr(wheel, name) for name in ("beta", "gamma", "gap")}
-        if len(wheels) == 2:
-            values["mu"] = wheels[1].mass / (1.0 + wheels[1].mass)
-        if self.tolerance is not None and any(wheel.tolerance for wheel in wheels):
-            widths: dict[str, Any] = {
-                f"c{i}_max": wheel.tolerance for i, wheel in enumerate(wheels, 1)
-            }
-            values["tolerance"] = replace(self.tolerance, **widths)
-        return values
+        if self.gears is None and are_in_a_row(given, self.epsilon):
+            values |= short_form(given, self.tolerance)
+        vars(self).update(values)
 
     @cached_property
     def tree(self) -> tuple[Wheel, ...]:
@@ -461,41 +387,6 @@ class Scene:
             return Start(0.0, self.gap1, 2.0, self.gap2, 2.0, mesh=1)
         state = [value for wheel in self.wheels for value in (wheel.gap, 2.0)]
         return Start(0.0, state=tuple(state), mesh=1)
-
-    def _check_start(self) -> None:
-        start = self.start
-        if not isinstance(start, Start):
-            raise InputError("start", start, "give a Start")
-        if start.mesh > self.stages:
-            why = f"a scene of {self.stages} wheels has no mesh {start.mesh}"
-            if self.stages == 1:
-                why = "a single-stage scene has mesh 1 only"
-            raise InputError("start.mesh", start.mesh, why)
-        if len(start.values) < 2 * self.stages:
-            raise InputError("start", start, f"give state = (x1, y1, ...) of {self.stages} wheels")
-        for i, wheel in enumerate(self.tree, 1):
-            x, y = start.values[2 * i - 2 : 2 * i]
-            gap = wheel.gap
-            side = wheel.side_of(x)
-            ahead = x if wheel.one_sided else abs(x)
-            sides = "" if wheel.one_sided else "+-"
-            if ahead > gap - wheel.tolerance and side == 0:
-                inside = gap - wheel.tolerance
-                where = f"must lie on a flank (+-{gap}) or inside +-{inside}"
-                if wheel.one_sided:
-                    where = f"must lie on the wall ({gap}) or before it"
-                raise InputError(f"start.x{i}", x, where)
-            if start.mesh == i and side * y <= 0.0:
-                needed = f"an impact at mesh {i} needs x{i} = {sides}{gap} and y{i} outward"
-                raise InputError(
-                    "start.mesh", start.mesh, f"{needed}; given x{i} = {x}, y{i} = {y}"
-                )
-            if start.mesh == 0 and side * y >= 0.0 and side != 0:
-                raise InputError(
-                    f"start.y{i}",
-                    y,
-                    f"a start in flight on a flank must move inward, or give mesh={i}",
-                )
 
     @classmethod
     def from_gears(cls, gears: Gears, **settings: Any) -> "Scene":
@@ -630,7 +521,7 @@ class Scene:
         """
         s = self.start
         t = self.tolerance
-        state: dict[str, Any] = {n: factor * getattr(s, n) for n in ("x1", "y1", "x2", "y2")}
+        state: Facts = {n: factor * getattr(s, n) for n in TWO_STATES}
         state["state"] = tuple(factor * value for value in s.state)
         wheels = tuple(
             _copy_with(
@@ -717,7 +608,7 @@ class Scene:
     def noise_free(self) -> "Scene":
         """The same scene without noise, random tolerance and random restitution: the deterministic
         system."""
-        changes: dict[str, Any] = {"sigma": 0.0}
+        changes: Facts = {"sigma": 0.0}
         if any(wheel.law.sd for wheel in self.tree):
             changes["wheels"] = tuple(wheel.with_mean_restitution for wheel in self.tree)
         if self.tolerance is not None and self.tolerance.distribution != "fixed":
@@ -729,11 +620,14 @@ class Scene:
     @property
     def constants(self) -> Constants:
         """The numbers of the scene for compiled code; a fixed tolerance is part of the walls."""
+        # here, for it loads numba, which --help has no use for
+        from rattle.scene.scene_constants import compile_orders
+
         return Constants(
             self.alpha,
             self.sigma,
             self._compiled_wheels,
-            self._orders,
+            compile_orders(self.drive),
             self.correlation_time,
             0.0 if self.noisy_wheel else 1.0,
         )
@@ -741,58 +635,9 @@ class Scene:
     @cached_property
     def _compiled_wheels(self) -> Wheels:
         """The wheels for compiled code, which only reads them."""
-        # here, for it loads numba, which --help has no use for
-        from rattle.scene.wheel import complete_wheels, restitution_pieces
+        from rattle.scene.scene_constants import compile_wheels
 
-        fixed = self.tolerance is not None and self.tolerance.distribution == "fixed"
-        tree = self.tree
-        wheels = np.zeros(len(tree), WHEEL)
-        for name in ("ratio", "beta", "gamma", "stiffness", "mass"):
-            wheels[name] = [getattr(wheel, name) for wheel in tree]
-        moments = [wheel.law.moments for wheel in tree]
-        wheels["epsilon"], wheels["variance"] = np.transpose(moments)
-        wheels["slowing"] = [wheel.law.slowing for wheel in tree]
-        wheels["rows"] = [len(wheel.law.table) for wheel in tree]
-        for i, wheel in enumerate(tree):
-            if wheel.law.table:
-                pieces = restitution_pieces(wheel.law.table)
-                wheels["pieces"][i, : len(pieces)] = pieces
-        wheels["wall"] = [wheel.gap + fixed * wheel.tolerance for wheel in tree]
-        wheels["low"] = [wheel.low_gap + fixed * wheel.tolerance for wheel in tree]
-        # a wall in the middle has the unit of length
-        wheels["size"] = np.where(wheels["wall"] > 0.0, wheels["wall"], 1.0)
-        for source, (number, intensity) in enumerate(self.noise_sources):
-            if number:
-                wheels["alone" if source else "own"][number - 1] = intensity
-        parents = [int(wheel.parent) - 1 for wheel in tree]
-        wheels["parent"] = parents
-        wheels["sign"] = [1.0 if parent < 0 else -1.0 for parent in parents]
-        turns: list[float] = []
-        for wheel, parent in zip(tree, parents, strict=True):
-            turns.append(wheel.ratio * (turns[parent] if parent >= 0 else 1.0))
-        wheels["turn"] = turns
-        complete_wheels(wheels, self._orders)
-        return wheels
-
-    @property
-    def _orders(self) -> Orders | tuple[()]:
-        """The drive for compiled code."""
-        moving = tuple(one for one in self.drive if one.amplitude)
-        if moving == SINE_ALONE:
-            return SINE
-        j = np.array([one.order for one in moving])
-        a, phase = (
-            np.array([getattr(one, name) for one in moving]) for name in ("amplitude", "phase")
-        )
-        gap = np.diff(j, prepend=0)
-        order = j.astype(float)
-        most1, most2, most3 = (float((abs(a) * order**n).sum()) for n in (1, 2, 3))
-        odd, even = (
-            a * np.array([turn(p) for p in phase.tolist()]) for turn in (math.cos, math.sin)
-        )
-        gap = np.where(gap > FAR_ORDERS, 0, gap)
-        waves = np.empty((2, len(j)))
-        return Orders(order, gap, odd, even, order[-1], most1, most2, most3, waves)
+        return compile_wheels(self)
 
     @property
     def differs_by_set(self) -> bool:
@@ -821,7 +666,7 @@ class Scene:
             state[2 * i] = side * walls[i] if side else state[2 * i]
         return state
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> Facts:
         """The scene as plain data, for TOML files and manifests; in the gear form where it was made
         from gears.
 
@@ -832,48 +677,10 @@ class Scene:
             any number of wheels, ``body`` where it is no gears, and ``drive`` where it is not the
             sine alone.
         """
-        values = {
-            f.name: getattr(self, f.name) for f in fields(self) if f.name not in ("gears", "drive")
-        }
-        for name in ("tolerance", "start"):
-            values[name] = values[name] and asdict(values[name])
-        start = values["start"]
-        del start["state"]
-        if self.start.state:
-            values["start"] = {
-                "tau": start["tau"],
-                "mesh": start["mesh"],
-                "state": self.start.state,
-            }
-        if self.wheels:
-            values = {k: v for k, v in values.items() if k not in (*SHORT, "stages")}
-            values["wheels"] = [_as_table(wheel) for wheel in self.wheels]
-        else:
-            del values["wheels"]
-        for name in ("tolerance", "correlation_time"):
-            if not values[name]:
-                del values[name]
-        if self.noise == DRIVE_NOISE:
-            del values["noise"]
-        elif isinstance(self.noise, tuple):
-            values["noise"] = dict(self.noise)
-        if self.bodies is not self.is_gears:  # as it is without being said
-            del values["bodies"]
-        drive = {} if self.drive == SINE_ALONE else {"drive": [asdict(one) for one in self.drive]}
-        if self.gears is None:
-            bodies = {} if self.is_gears or not self.wheels else {"body": values.pop("wheels")}
-            return drive | {"scene": values} | bodies
-        gears = self.gears.values
-        wheels = [as_table(wheel) for wheel in gears.pop("wheels", ())]
-        return (
-            {"gears": gears}
-            | ({"wheel": wheels} if wheels else {})
-            | drive
-            | {"scene": {k: v for k, v in values.items() if k in FREE_FIELDS}}
-        )
+        return write_tables(self)
 
     @classmethod
-    def from_dict(cls, data: dict[str, Any]) -> "Scene":
+    def from_dict(cls, data: Facts) -> "Scene":
         """A scene from the form that `to_dict` gives.
 
         Parameters
@@ -892,59 +699,7 @@ class Scene:
         InputError
             For unknown or missing keys and values that are not admissible.
         """
-        errors.check_keys("top level", _table("scene", data), TABLES)
-        data = gears_input.take_measured(data)
-        settings = _table("scene", data.get("scene", {}))
-        if "drive" in settings:
-            raise InputError(
-                "scene.drive",
-                settings["drive"],
-                "write each order as a table [[drive]] beside [scene]",
-            )
-        for name, kind in {"tolerance": Tolerance, "start": Start}.items():
-            if name in settings:
-                table = _table(f"scene.{name}", settings[name])
-                errors.check_keys(f"scene.{name}", table, (f.name for f in fields(kind)))
-                settings[name] = kind(**table)
-        if "body" in data:
-            if "gears" in data or "wheels" in settings:
-                why = "stands in place of [gears] and [[scene.wheels]]; leave out one of them"
-                raise InputError("body", data["body"], why)
-            settings = {"alpha": 0.0, "bodies": True} | settings
-            settings["wheels"] = data["body"]
-        if "wheels" in settings:
-            place = "body" if "body" in data else "scene.wheels"
-            settings["wheels"] = _read_wheels(place, settings["wheels"])
-        if "gears" in data:
-            table = gears_input.own_amplitude(_table("gears", data["gears"]), data.get("drive"))
-            errors.check_keys("scene", settings, FREE_FIELDS)
-            gears = gears_input.read_gears(table, settings.get("stages", 2), data.get("wheel"))
-            if gears.wheels and "stages" in settings:
-                why = "leave it out: there are as many as tables [[wheel]]"
-                raise InputError("scene.stages", settings["stages"], why)
-            drawn = gears_input.read_tolerance(table, gears)
-            if drawn is not None:
-                if "tolerance" in settings:
-                    raise InputError(
-                        "gears.tolerance",
-                        drawn,
-                        "give it once: here in mm, or in [scene.tolerance]",
-                    )
-                settings["tolerance"] = Tolerance(**drawn)
-            if "drive" in data:
-                radius = table.get("driver_radius")
-                settings["drive"] = gears_input.read_drive(data["drive"], gears, radius)
-            return cls.from_gears(gears, **settings)
-        if "wheel" in data:
-            why = "needs [gears]; wheels of a scene without gears are tables [[scene.wheels]]"
-            raise InputError("wheel", data["wheel"], why)
-        errors.check_keys("scene", settings, (f.name for f in fields(cls) if f.name != "gears"))
-        needed = ("alpha",) if "wheels" in settings else ("alpha", "epsilon", "beta1", "gamma1")
-        if missing := [name for name in needed if name not in settings]:
-            raise InputError("scene", missing, "these keys are missing")
-        if "drive" in data:
-            settings["drive"] = gears_input.read_drive(data["drive"])
-        return cls(**settings)
+        return read_tables(cls, data)
 
     def to_toml(self) -> str:
         """The scene as TOML text; `from_toml` gives the same scene back, to the last bit.
@@ -1011,62 +766,6 @@ class Scene:
         return scene
 
 
-def _are_in_a_row(wheels: tuple[Wheel, ...], epsilon: float) -> bool:
-    """Whether wheels are the paper's one or two stages: in a row, nameless, with one restitution
-    and one radius each."""
-    parents = [wheel.parent for wheel in wheels]
-    plain = all(
-        w.ratio == 1.0
-        and w.epsilon in (None, epsilon)
-        and not w.name
-        and not w.one_sided
-        and not w.stiffness
-        and w.restitution is None
-        for w in wheels
-    )
-    return plain and parents in ([0], [0, 1])
-
-
-def _as_table(wheel: Wheel) -> dict[str, Any]:
-    """A wheel as plain data; what is as by default is left out."""
-    defaults = {f.name: f.default for f in fields(Wheel)}
-    table = {name: value for name, value in asdict(wheel).items() if value != defaults[name]}
-    if wheel.restitution is not None:
-        law = asdict(wheel.restitution)
-        table["restitution"] = {name: value for name, value in law.items() if value is not None}
-    return table
-
-
-def _read_wheels(name: str, tables: object) -> list[Wheel]:
-    """Wheels or bodies from a list of their tables."""
-    if not isinstance(tables, Sequence) or isinstance(tables, str):
-        raise InputError(name, tables, f"write each as a table: [[{name}]]")
-    return [_read_wheel(name, number, data) for number, data in enumerate(tables, 1)]
-
-
-def _read_wheel(name: str, number: int, data: object) -> Wheel:
-    """A wheel or body from its table, which an error names."""
-    table = _table(name, data)
-    errors.check_keys(name, table, (f.name for f in fields(Wheel)))
-    if "restitution" in table:
-        law = _table(f"{name}.restitution", table["restitution"])
-        errors.check_keys(f"{name}.restitution", law, (f.name for f in fields(Restitution)))
-    with (BODIES if name == "body" else PAIR).in_errors(), _of_wheel(table.get("name") or number):
-        if "restitution" in table:
-            table["restitution"] = Restitution(**law)
-        return Wheel(**table)
-
-
-@contextmanager
-def _of_wheel(label: object) -> Iterator[None]:
-    """Errors about a wheel say which."""
-    try:
-        yield
-    except InputError as error:
-        field = f"wheel.{label}.{error.field.removeprefix('wheel.')}"
-        raise InputError(field, error.value, error.remedy) from None
-
-
 def _copy_with(part: Part, **changes: Any) -> Part:
     """A copy with changes that need no validation."""
     changed = copy(part)
@@ -1075,12 +774,6 @@ def _copy_with(part: Part, **changes: Any) -> Part:
             changed.__dict__.pop(name, None)
     changed.__dict__.update(changes)
     return changed
-
-
-def _table(name: str, value: object) -> dict[str, Any]:
-    if not isinstance(value, dict):
-        raise InputError(name, value, f"write it as a table: [{name}]")
-    return dict(value)
 
 
 def check_scene(scene: object) -> None:

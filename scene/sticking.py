@@ -22,6 +22,7 @@ from rattle.scene import drive as motion
 from rattle.scene.compiled import internal, lean_internal, not_inlined
 from rattle.scene.flight import flow, wheel_speeds
 from rattle.scene.impact import NONE, REST, TOUCH_STEP, approach, next_impact, safe_time
+from rattle.scene.linear_algebra import put_row
 from rattle.scene.types import BODY, WHEEL, Bodies, Constants, Floats, Ints, Wheels
 from rattle.scene.wheel import complete_wheels, nearest_wall, with_wheels
 
@@ -43,8 +44,7 @@ def lock(c: Constants, closed: Ints, bodies: Bodies) -> None:
     `bodies` (wheels,).
     """
     not_inlined()
-    for i in range(c.wheels.size):
-        wheel = c.wheels[i]
+    for i, wheel in enumerate(c.wheels):
         body = bodies[i]
         body.root = i
         body.carry = 1.0
@@ -64,11 +64,12 @@ def lock(c: Constants, closed: Ints, bodies: Bodies) -> None:
         body = bodies[i]
         if closed[i] != 0 and wheel.parent >= 0:
             parent = bodies[wheel.parent]
-            parent.mass += wheel.ratio * wheel.ratio * body.mass
-            parent.beta += wheel.ratio * wheel.ratio * body.beta
+            square = wheel.ratio * wheel.ratio
+            parent.mass += square * body.mass
+            parent.beta += square * body.beta
             parent.gamma += wheel.ratio * body.gamma
             parent.own += wheel.ratio * body.own
-            parent.alone += wheel.ratio * wheel.ratio * body.alone
+            parent.alone += square * body.alone
         body.beta /= body.mass
         body.gamma /= body.mass
         body.own /= body.mass
@@ -89,8 +90,7 @@ def contact_motion(c: Constants, driver: Driver, s: Floats, closed: Ints, bodies
     speed = c.alpha * driver[0]
     acceleration = c.alpha * driver[1]
     # what all that is locked below a mesh loses by damping and drag, as an acceleration
-    for i in range(c.wheels.size):
-        wheel = c.wheels[i]
+    for i, wheel in enumerate(c.wheels):
         body = bodies[i]
         if wheel.parent < 0:
             body.speed = wheel.turn * speed - wheel.sign * s[2 * i + 1]
@@ -104,8 +104,7 @@ def contact_motion(c: Constants, driver: Driver, s: Floats, closed: Ints, bodies
         if closed[i] != 0 and wheel.parent >= 0:
             bodies[wheel.parent].pull += wheel.ratio * body.pull
         body.pull /= body.mass
-    for i in range(c.wheels.size):
-        wheel = c.wheels[i]
+    for i, wheel in enumerate(c.wheels):
         body = bodies[i]
         r = body.root
         body.motion = -wheel.turn * acceleration if r == DRIVER else body.carry * bodies[r].pull
@@ -129,8 +128,7 @@ def _bound_accelerations(c: Constants, driver: Driver, bodies: Bodies) -> float:
     total = 0.0
     mass = 0.0
     lightest = math.inf
-    for i in range(c.wheels.size):
-        wheel = c.wheels[i]
+    for i, wheel in enumerate(c.wheels):
         total += abs(wheel.beta * bodies[i].speed + wheel.gamma) + wheel.turn * acceleration
         total += wheel.stiffness * wheel.size
         mass += wheel.turn * wheel.turn * wheel.mass
@@ -155,8 +153,7 @@ def find_sticking(
     Shapes: `s` (2 wheels,); `touching`, `closed`, `bodies` (wheels,).
     """
     not_inlined()
-    for i in range(closed.size):
-        closed[i] = touching[i]
+    put_row(closed, touching)
     contact_motion(c, driver, s, closed, bodies)
     slack = 1e-15 * _bound_accelerations(c, driver, bodies)
     least = math.inf
@@ -165,8 +162,7 @@ def find_sticking(
             least = min(least, bodies[i].push)
     if least > slack:
         return
-    for i in range(closed.size):
-        closed[i] = 0
+    closed[:] = 0
     wrong = 0
     for _ in range(MOST_CHANGES):
         contact_motion(c, driver, s, closed, bodies)
@@ -251,10 +247,9 @@ def opening(c: Constants, tau: float, s: Floats, closed: Ints) -> tuple[float, i
     contact_motion(c, motion.velocity_acceleration(c.drive, tau), s, closed, bodies)
     first = math.inf
     which = 0
-    for i in range(c.wheels.size):
+    for i, wheel in enumerate(c.wheels):
         if closed[i] == 0:
             continue
-        wheel = c.wheels[i]
         body = bodies[i]
         if body.push <= 0.0:
             t = 0.0
@@ -316,11 +311,12 @@ def write_bodies(c: Constants, closed: Ints, free: Ints, bodies: Bodies, wheels:
                 if free[k] == root:
                     body.parent = k
         body.turn = wheel.turn
-        body.beta = bodies[i].beta
-        body.gamma = bodies[i].gamma
-        body.own = bodies[i].own
-        body.alone = bodies[i].alone
-        body.mass = bodies[i].mass
+        locked = bodies[i]
+        body.beta = locked.beta
+        body.gamma = locked.gamma
+        body.own = locked.own
+        body.alone = locked.alone
+        body.mass = locked.mass
         body.stiffness = wheel.stiffness
         body.size = wheel.size
         body.wall = wheel.wall
@@ -423,11 +419,12 @@ def close(c: Constants, s: Floats, closed: Ints, walls: Floats, bodies: Bodies) 
     """
     not_inlined()
     lock(c, closed, bodies)
-    for i in range(c.wheels.size):
-        wheel = c.wheels[i]
+    for i, wheel in enumerate(c.wheels):
         body = bodies[i]
-        body.place = wheel.sign * s[2 * i]
-        body.rate = wheel.sign * s[2 * i + 1]
+        x = 2 * i
+        y = x + 1
+        body.place = wheel.sign * s[x]
+        body.rate = wheel.sign * s[y]
         body.offset = 0.0
         body.kept_place = 0.0
         body.kept_rate = 0.0
@@ -435,10 +432,10 @@ def close(c: Constants, s: Floats, closed: Ints, walls: Floats, bodies: Bodies) 
             body.place += wheel.ratio * bodies[wheel.parent].place
             body.rate += wheel.ratio * bodies[wheel.parent].rate
         if closed[i] != 0:
-            s[2 * i] = walls[2 * i] if closed[i] > 0 else -walls[2 * i + 1]
-            s[2 * i + 1] = 0.0
+            s[x] = walls[x] if closed[i] > 0 else -walls[y]
+            s[y] = 0.0
             carried = wheel.ratio * bodies[wheel.parent].offset if wheel.parent >= 0 else 0.0
-            body.offset = carried + wheel.sign * s[2 * i]
+            body.offset = carried + wheel.sign * s[x]
         body.share = 0.0
         if body.root != DRIVER:
             first = bodies[body.root]
@@ -447,9 +444,10 @@ def close(c: Constants, s: Floats, closed: Ints, walls: Floats, bodies: Bodies) 
             first.kept_place += share * (body.place - body.offset)
             first.kept_rate += share * body.rate
     # place, rate: from here on by how much a wheel is moved
-    for i in range(c.wheels.size):
-        wheel = c.wheels[i]
+    for i, wheel in enumerate(c.wheels):
         body = bodies[i]
+        x = 2 * i
+        y = x + 1
         r = body.root
         if r == i and body.mass == wheel.mass:  # alone
             body.place = 0.0
@@ -460,11 +458,11 @@ def close(c: Constants, s: Floats, closed: Ints, walls: Floats, bodies: Bodies) 
             body.place = place + body.offset - body.place
             body.rate = rate - body.rate
         if closed[i] == 0:
-            s[2 * i] += wheel.sign * body.place
-            s[2 * i + 1] += wheel.sign * body.rate
+            s[x] += wheel.sign * body.place
+            s[y] += wheel.sign * body.rate
             if wheel.parent >= 0:
-                s[2 * i] += wheel.ratio * bodies[wheel.parent].place
-                s[2 * i + 1] += wheel.ratio * bodies[wheel.parent].rate
+                s[x] += wheel.ratio * bodies[wheel.parent].place
+                s[y] += wheel.ratio * bodies[wheel.parent].rate
 
 
 @internal
@@ -527,10 +525,9 @@ def _stick_together(
     longest = 0.0
     fastest = 0.0
     furthest = 0.0
-    for i in range(together.size):
+    for i, wheel in enumerate(c.wheels):
         if together[i] == 0:
             continue
-        wheel = c.wheels[i]
         weakest = min(weakest, bodies[i].push)
         strongest = max(strongest, bodies[i].push)
         if at_rest[i] == 0:
@@ -574,17 +571,20 @@ def complete_chatter(
     near = np.zeros(n, np.int64)
     at_rest = np.zeros(n, np.int64)
     reach = np.zeros(n)
-    change = 0.0
+    # bounds of the rate of change of all accelerations, and of that of the mesh
+    change = own = 0.0
     for i in range(n):
-        wheel = c.wheels[i]
         nearest, distance = nearest_wall(c, i, s[2 * i])
         gap = max(distance, 0.0)
         slow = _is_slow(c, i, s, most)
-        change += approach(c, i, s[2 * i], s[2 * i + 1], u, driver, force, jolt)[3]
+        rate = approach(c, i, s[2 * i], s[2 * i + 1], u, driver, force, jolt)[3]
+        change += rate
         near[i] = nearest if slow or i == mesh - 1 else 0
         # speed that it has at its wall at most
         fastest = abs(s[2 * i + 1]) + math.sqrt(2.0 * most * gap)
-        if i != mesh - 1:
+        if i == mesh - 1:
+            own = rate
+        else:
             at_rest[i] = nearest if fastest == 0.0 else 0
             reach[i] = fastest if slow else 0.0
     bodies = np.empty(n, BODY)
@@ -605,16 +605,13 @@ def complete_chatter(
     if not (press > 0.0 and speed >= 0.0):
         return math.inf, never
     t = 2.0 / (1.0 - c.wheels[mesh - 1].epsilon) * speed / press
-    at = 2 * mesh - 2
-    change = approach(c, mesh - 1, s[at], s[at + 1], u, driver, force, jolt)[3]
-    if t > CHATTER_LIMIT or t * change > CHATTER_LIMIT * press:
+    if t > CHATTER_LIMIT or t * own > CHATTER_LIMIT * press:
         return math.inf, never
     closed[mesh - 1] = side
     contact_motion(c, moves, s, closed, bodies)
-    for i in range(n):
+    for i, wheel in enumerate(c.wheels):
         if closed[i] != 0:
             continue
-        wheel = c.wheels[i]
         x = s[2 * i]
         y = s[2 * i + 1]
         up = safe_time(wheel.wall - x, y, bodies[i].push, most, 0.0)

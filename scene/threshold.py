@@ -100,14 +100,17 @@ def rattle_threshold(scene: Scene) -> tuple[RattleThreshold, ...]:
     c = scene.constants
     values = zip(scene.wheel_names, c.wheels["gamma"], least_drags(c), strict=True)
     for number, (name, gamma, threshold) in enumerate(values, 1):
-        if gears is None:
-            out.append(RattleThreshold(number, float(gamma), float(threshold), "", name))
-            continue
-        at = gears.tree[number - 1]
-        # N mm of gamma = 1
-        unit = at.inertia * gears.units.length * gears.omega**2
-        newton = unit / (KG_MM_PER_S2_PER_N * at.radius)
-        out.append(RattleThreshold(number, at.torque, float(threshold) * newton, "N mm", name))
+        drag = float(gamma)
+        least = float(threshold)
+        unit = ""
+        if gears is not None:
+            at = gears.tree[number - 1]
+            drag = at.torque
+            # N mm of gamma = 1
+            force = at.inertia * gears.units.length * gears.omega**2
+            least *= force / (KG_MM_PER_S2_PER_N * at.radius)
+            unit = "N mm"
+        out.append(RattleThreshold(number, drag, least, unit, name))
     return tuple(out)
 
 

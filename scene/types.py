@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
+Facts = dict[str, Any]
+"""Plain data by name, as a table of a file holds it."""
 Wheels = Any
 """An array of `WHEEL`, whose records have their fields as attributes."""
 
@@ -61,83 +63,7 @@ class BodyRecord(np.void):  # type: ignore[misc]
     """As `WheelRecord`, of `BODY`."""
 
 
-WHEEL = np.dtype(
-    (
-        WheelRecord,
-        [
-            ("parent", np.int64),  # index of the wheel that it meshes with; -1 for the driver
-            ("drives", np.int64),  # whether another wheel meshes with it
-            ("sign", np.float64),  # of its own deviation in its gap: 1 or -1
-            ("ratio", np.float64),  # k: radius of the parent there over the parent's own
-            ("turn", np.float64),  # kappa: product of the ratios from the driver on
-            ("beta", np.float64),
-            ("gamma", np.float64),
-            ("stiffness", np.float64),  # of a spring that holds it at the middle of its gap
-            ("fastest", np.float64),  # bound of the rates at which it relaxes and swings
-            ("wall", np.float64),  # half gap of the deterministic orbit
-            ("low", np.float64),  # the same where it has two walls; infinite where it has one
-            ("size", np.float64),  # a length that is small beside its motion is small beside this
-            ("epsilon", np.float64),  # of slow impacts, the mean of it where it is random
-            ("variance", np.float64),  # of epsilon, where it is drawn at each impact
-            ("slowing", np.float64),  # 1 over the speed at which restitution begins to fall, or 0
-            ("rows", np.int64),  # of its table of restitution; 0 where there is none
-            # of the table, see `rattle.scene.wheel.restitution_pieces`
-            ("pieces", np.float64, (MOST_RESTITUTIONS + 1, 5)),
-            ("mass", np.float64),  # at its own mesh, in units of that of wheel 1
-            ("share", np.float64),  # of the parent, of the change of the rate at an impact
-            (
-                "own",
-                np.float64,
-            ),  # of a noise that does not modulate the drive: 1 on its wheel, or 0
-            ("alone", np.float64),  # intensity over sigma of a noise that acts on it alone
-            # The gap obeys y' = -beta y - stiffness x + coupling v_p + drag + (alpha + modulates
-            # sigma eta) (second f'' + first f') + force sigma eta + shaking sigma eta_i, v_p the
-            # deviation of the parent's speed
-            ("coupling", np.float64),
-            ("drag", np.float64),
-            ("second", np.float64),
-            ("first", np.float64),
-            ("force", np.float64),
-            ("shaking", np.float64),  # of the noises of its wheel and of its parent alone
-            # bounds of |f'' + beta f'| and of its rate, beta of the wheel or of a parent wheel
-            ("modulation", np.float64),
-            ("modulation_rate", np.float64),
-        ],
-    ),
-    align=True,
-)
-"""A loose wheel and its gap, for compiled code (docs/model.md section 2)."""
-
-Bodies = Any
-"""An array of `BODY`, one for each wheel."""
-BODY = np.dtype(
-    (
-        BodyRecord,
-        [
-            ("root", np.int64),  # first wheel of the body that it is locked into; -1: the driver
-            ("carry", np.float64),  # its speed over that of the root
-            # mass, beta, gamma, own, alone: of all that is locked below its mesh, as of one wheel
-            ("mass", np.float64),
-            ("beta", np.float64),
-            ("gamma", np.float64),
-            ("own", np.float64),
-            ("alone", np.float64),
-            ("speed", np.float64),  # u, at its own mesh
-            ("pull", np.float64),  # acceleration by damping and drag of all that is locked below
-            ("motion", np.float64),  # its acceleration, less the driver's
-            ("push", np.float64),  # see `rattle.scene.sticking.contact_motion`
-            # place, rate: deviations of its position and speed; kept: what its body keeps of them
-            ("place", np.float64),
-            ("rate", np.float64),
-            ("kept_place", np.float64),
-            ("kept_rate", np.float64),
-            ("offset", np.float64),  # of its position in its body
-            ("share", np.float64),  # of its speed in that of the first wheel of its body
-        ],
-    ),
-    align=True,
-)
-"""What closed meshes make of a wheel, for compiled code (docs/model.md section 10)."""
+INTEGERS = ("parent", "drives", "rows", "root")
 
 
 def _attribute(name: str) -> property:
@@ -149,10 +75,78 @@ def _attribute(name: str) -> property:
     return property(itemgetter(name), put)
 
 
-for field in WHEEL.names or ():
-    setattr(WheelRecord, field, _attribute(field))
-for field in BODY.names or ():
-    setattr(BodyRecord, field, _attribute(field))
+def _record_of(kind: type[np.void], *names: str) -> np.dtype[np.void]:
+    """The type of a record of numbers, with its fields as attributes."""
+    formats = dict.fromkeys(names, "f8") | dict.fromkeys(INTEGERS, "i8")
+    formats["pieces"] = f"({MOST_RESTITUTIONS + 1},5)f8"
+    for name in names:
+        setattr(kind, name, _attribute(name))
+    return np.dtype((kind, [(name, formats[name]) for name in names]), align=True)
+
+
+WHEEL = _record_of(
+    WheelRecord,
+    "parent",  # index of the wheel that it meshes with; -1 for the driver
+    "drives",  # whether another wheel meshes with it
+    "sign",  # of its own deviation in its gap: 1 or -1
+    "ratio",  # k: radius of the parent there over the parent's own
+    "turn",  # kappa: product of the ratios from the driver on
+    "beta",
+    "gamma",
+    "stiffness",  # of a spring that holds it at the middle of its gap
+    "fastest",  # bound of the rates at which it relaxes and swings
+    "wall",  # half gap of the deterministic orbit
+    "low",  # the same where it has two walls; infinite where it has one
+    "size",  # a length that is small beside its motion is small beside this
+    "epsilon",  # of slow impacts, the mean of it where it is random
+    "variance",  # of epsilon, where it is drawn at each impact
+    "slowing",  # 1 over the speed at which restitution begins to fall, or 0
+    "rows",  # of its table of restitution; 0 where there is none
+    "pieces",  # of that table, see `rattle.scene.wheel.restitution_pieces`
+    "mass",  # at its own mesh, in units of that of wheel 1
+    "share",  # of the parent, of the change of the rate at an impact
+    "own",  # of a noise that does not modulate the drive: 1 on its wheel, or 0
+    "alone",  # intensity over sigma of a noise that acts on it alone
+    # The gap obeys y' = -beta y - stiffness x + coupling v_p + drag + (alpha + modulates sigma eta)
+    # (second f'' + first f') + force sigma eta + shaking sigma eta_i, v_p the deviation of the
+    # parent's speed
+    "coupling",
+    "drag",
+    "second",
+    "first",
+    "force",
+    "shaking",  # of the noises of its wheel and of its parent alone
+    # bounds of |f'' + beta f'| and of its rate, beta of the wheel or of a parent wheel
+    "modulation",
+    "modulation_rate",
+)
+"""A loose wheel and its gap, for compiled code (docs/model.md section 2)."""
+
+Bodies = Any
+"""An array of `BODY`, one for each wheel."""
+BODY = _record_of(
+    BodyRecord,
+    "root",  # first wheel of the body that it is locked into; -1: the driver
+    "carry",  # its speed over that of the root
+    # mass, beta, gamma, own, alone: of all that is locked below its mesh, as of one wheel
+    "mass",
+    "beta",
+    "gamma",
+    "own",
+    "alone",
+    "speed",  # u, at its own mesh
+    "pull",  # acceleration by damping and drag of all that is locked below
+    "motion",  # its acceleration, less the driver's
+    "push",  # see `rattle.scene.sticking.contact_motion`
+    # place, rate: deviations of its position and speed; kept: what its body keeps of them
+    "place",
+    "rate",
+    "kept_place",
+    "kept_rate",
+    "offset",  # of its position in its body
+    "share",  # of its speed in that of the first wheel of its body
+)
+"""What closed meshes make of a wheel, for compiled code (docs/model.md section 10)."""
 
 
 class Constants(NamedTuple):

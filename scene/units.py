@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from rattle.scene.errors import InputError, choice
+from rattle.scene.types import Facts
 
 if TYPE_CHECKING:  # a table is there before it is converted
     import pandas as pd
@@ -64,7 +65,7 @@ class Units(NamedTuple):
         known = self.of_column(column)
         return f"{column}_{known[0]}" if known else column
 
-    def convert(self, columns: Mapping[str, Any]) -> dict[str, Any]:
+    def convert(self, columns: Mapping[str, Any]) -> Facts:
         """Convert the columns of a table of moments, of a section or at fixed times, to physical
         units.
 
@@ -95,7 +96,7 @@ def check_units(units: object, gears: object) -> str:
     return name
 
 
-def in_units(columns: Mapping[str, Any], gears: Any, units: str) -> dict[str, Any]:
+def in_units(columns: Mapping[str, Any], gears: Any, units: str) -> Facts:
     """The columns of a section table in a system of units."""
     return (
         dict(columns)

@@ -20,8 +20,7 @@ def complete_wheels(wheels: Wheels, drive: Any) -> None:
 
     Shapes: `wheels` (wheels,), of `rattle.scene.types.WHEEL`.
     """
-    for i in range(wheels.size):
-        wheel = wheels[i]
+    for wheel in wheels:
         wheel.drives = 0
         wheel.fastest = wheel.beta + math.sqrt(wheel.stiffness)
         beta = wheel.beta if wheel.parent < 0 else wheels[wheel.parent].beta

@@ -30,7 +30,8 @@ from rattle.closure.moments import (
     within,
 )
 from rattle.scene import Floats, InputError, Scene, check_each_impact
-from rattle.scene.orbit import follow
+from rattle.scene.elementary import unknown
+from rattle.scene.orbit import Impacts, follow
 from rattle.scene.types import MOST_WHEELS
 
 RESOLUTIONS = (
@@ -122,26 +123,22 @@ def _trace(scene: Scene, impacts: int, order: int, level: Level) -> Trace:
     states = orbit.before.shape[1]
     wheels = states // 2
     codes = [code for code in range(-wheels, wheels + 1) if code != 0]
-    tau, agreement, discarded_at = np.full((3, impacts + 1), np.nan)
-    mean = np.full((impacts + 1, states), np.nan)
-    covariance = np.full((impacts + 1, states, states), np.nan)
-    sd, skew = np.full((2, impacts + 1, 2 + states), np.nan)
-    doubted = np.zeros((impacts + 1, 2, 2 + states))
-    bent = np.zeros(impacts + 1)
-    followed = np.full((3, impacts + 1, 2 + states), np.nan)
-    mesh, side = np.zeros((2, impacts + 1), np.int64)
-    tau[0] = orbit.tau[0]
-    mean[0] = orbit.before[0]
-    mesh[0] = orbit.mesh[0]
-    side[0] = orbit.side[0]
+    known = Impacts.of(orbit).until(0)
+    rows = impacts + 1
+    agreement, discarded_at = unknown(2, rows)
+    covariance = unknown(rows, states, states)
+    sd, skew = unknown(2, rows, 2 + states)
+    doubted = np.zeros((rows, 2, 2 + states))
+    bent = np.zeros(rows)
+    followed = unknown(3, rows, 2 + states)
     agreement[0] = 1.0
     discarded_at[0] = 0.0
-    slow, residual = np.zeros((2, impacts + 1))
-    carried = np.zeros((impacts + 1, 2 + states))
+    slow, residual = np.zeros((2, rows))
+    carried = np.zeros((rows, 2 + states))
     found = impacts
-    flights = np.zeros(impacts + 1, np.int64)
+    flights = np.zeros(rows, np.int64)
     parts: dict[int, tuple[Floats, Floats, Floats]] = {}
-    for k in range(1, impacts + 1):
+    for k in range(1, rows):
         own = int(orbit.mesh[k] * orbit.side[k])
         at.fly()
         struck = (section.weight[: 2 * run.flown] != 0.0) & (section.label[: 2 * run.flown] != 0)
@@ -163,13 +160,13 @@ def _trace(scene: Scene, impacts: int, order: int, level: Level) -> Trace:
         )
         parts[k] = w / w.sum(), values, variances
         centre, sd[k], skew[k] = moments(w, values, variances)
-        tau[k] = centre[0]
-        mean[k] = centre[2:]
+        known.tau[k] = centre[0]
+        known.before[k] = centre[2:]
         doubted[k] = _doubted(w, after.doubt[:count], values - centre, variances)
         bent[k] = w @ after.bent[:count] / w.sum()
         carried[k] = _average(w, values - centre, variances, np.repeat(b.slow[:flown], 2)[struck])
         code = max(codes, key=lambda a: w[section.label[:count] == a].sum())
-        mesh[k], side[k] = abs(code), np.sign(code)
+        known.mesh[k], known.side[k] = abs(code), np.sign(code)
         on = after.label[:count] > MOST_WHEELS
         agreement[k] = min(w[on].sum(), 1.0)
         discarded_at[k] = run.discarded
@@ -182,12 +179,30 @@ def _trace(scene: Scene, impacts: int, order: int, level: Level) -> Trace:
         if found == impacts
         else f"more than half of the probability is discarded after impact {found}"
     )
-    raw = np.full((impacts + 1, wheels, order + 1, order + 1), np.nan)
-    whole = Trace(tau, mesh, side, mean, sd, skew, covariance, raw, at, found, stopped, parts)
-    seen = replace(
-        whole, agreement=agreement, discarded=discarded_at, followed=followed, flown=flights
+    raw = unknown(rows, wheels, order + 1, order + 1)
+    return Trace(
+        known.tau,
+        known.mesh,
+        known.side,
+        known.before,
+        sd,
+        skew,
+        covariance,
+        raw,
+        at,
+        found,
+        stopped,
+        parts,
+        agreement=agreement,
+        discarded=discarded_at,
+        followed=followed,
+        flown=flights,
+        slow=slow,
+        carried=carried,
+        residual=residual,
+        doubted=doubted,
+        bent=bent,
     )
-    return replace(seen, slow=slow, carried=carried, residual=residual, doubted=doubted, bent=bent)
 
 
 def _doubted(weights: Floats, doubt: Floats, off: Floats, variances: Floats) -> Floats:

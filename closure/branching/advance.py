@@ -15,15 +15,37 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rattle.closure.branching import propagate as component
 from rattle.closure.branching.mixture import Mixture, empty, reduce
-from rattle.closure.branching.propagate import Image
+from rattle.closure.branching.propagate import (
+    THIRD_CENTRE,
+    THIRD_WEIGHT,
+    THIRD_WIDTH,
+    Image,
+    cut_plane,
+    event,
+    half,
+    mark,
+    own_spread,
+    propagate,
+    root,
+)
 from rattle.closure.section_map import column, plain_size, redrawn_variances, start_pieces
 from rattle.scene import Constants, Floats, Ints, Scene
-from rattle.scene import linear_algebra as linalg
 from rattle.scene.compiled import internal, jit, splice
 from rattle.scene.flight import jacobian, noise_covariance, noise_rate
 from rattle.scene.impact import add_scatter, contact_matrix, strike
+from rattle.scene.linear_algebra import (
+    add_outer,
+    apply,
+    beyond,
+    congruence,
+    dot,
+    largest,
+    norm,
+    put,
+    put_row,
+    put_scaled,
+)
 from rattle.scene.orbit import Orbit
 from rattle.scene.types import MOST_WHEELS
 
@@ -58,44 +80,31 @@ class Buffers(NamedTuple):
 
     start: Mixture  # section states after the last impact, with the noise of the flight included
     image: Image  # component i has its image at 2 i and, where a boundary halves it, at 2 i + 1
+    # by component
     ignored: Ints  # bit mask of impacts that were split off already
-    error: Floats  # what splitting a component is worth, weighted
-    axis: Floats  # one sd across the split; (components, d)
-    depth: Floats  # distance of the plane that splits a tail off, in sds; 0 for a split in three
-    beyond: Ints  # the impact (``mesh * side``) beyond that plane
-    slow: Floats  # share of the squared impact speed that noise makes
+    beyond: Ints  # the impact (``mesh * side``) beyond the plane that splits a tail off
     parent: Ints  # the component after the last impact of which it is a part
-    time: Floats  # of that component's flight, whose noise was added; (components,)
-    plane: Floats  # one sd across the boundary that halves a component; (components, d)
-    halved: Floats  # distance of that boundary, in sds; 0 for a component that is not halved
+    error: Floats  # what splitting a component is worth, weighted
+    depth: Floats  # distance of the plane that splits a tail off, in sds; 0 for a split in three
+    slow: Floats  # share of the squared impact speed that noise makes
+    # of the flight of the component of that number after the last impact, whose noise was added; 0
+    # if it does not end
+    time: Floats
+    halved: Floats  # distance of the boundary that halves it, in sds; 0 if none does
     # share of the weight beyond the plane that splits a tail off, and its relative error
     tail: Floats
     doubt: Floats
+    axis: Floats  # one sd across the split; (components, d)
+    plane: Floats  # one sd across the boundary that halves a component; (components, d)
 
 
 def buffers(size: int, d: int) -> Buffers:
     """Empty arrays for the components of a flight."""
     image = Image(empty(2 * size, d), np.zeros((2 * size, 2)), np.zeros((2 * size, d)))
-    ignored, beyond, parent = np.zeros((3, size), np.int64)
-    error, depth, slow, time, halved, tail, doubt = np.zeros((7, size))
-    axis, plane = np.zeros((2, size, d))
-    start = empty(size, d)
-    return Buffers(
-        start,
-        image,
-        ignored,
-        error,
-        axis,
-        depth,
-        beyond,
-        slow,
-        parent,
-        time,
-        plane,
-        halved,
-        tail,
-        doubt,
-    )
+    codes = np.zeros((3, size), np.int64)
+    numbers = np.zeros((7, size))
+    axes = np.zeros((2, size, d))
+    return Buffers(empty(size, d), image, *codes, *numbers, *axes)
 
 
 @internal
@@ -118,18 +127,18 @@ def _weigh(depth: float, own: float, bent: float) -> tuple[float, float]:
     """Share of a component beyond a boundary `depth` sds away, and its relative error.
 
     The noise until the boundary is reached makes `own` of the sd across it
-    (`component.own_spread`).  The error has two parts.  A component that is bent is taken as a
+    (`own_spread`).  The error has two parts.  A component that is bent is taken as a
     Gaussian: by the first term of an Edgeworth series, with the skewness of what is bent so.  And
     that share of the noise is known at one point of the boundary only.
     """
-    share, rate, _ = component.half(depth / own, False)
+    share, rate, _ = half(depth / own, False)
     skewed = SKEWED * math.sqrt(bent) / 6.0 * max(depth * depth - 1.0, 1.0) * rate
-    early = EARLY * math.log(component.half(depth, False)[0] / share)
+    early = EARLY * math.log(half(depth, False)[0] / share)
     return share, min(math.hypot(skewed, early), MOST_DOUBT)
 
 
 @splice
-def _examine(c: Constants, b: Buffers, i: int, level: Level, before: Floats) -> None:
+def _examine(c: Constants, b: Buffers, i: int, level: Level) -> None:
     """Compute the image of component `i`, whole or in halves beside a boundary, and how it would
     best be split.
 
@@ -141,9 +150,9 @@ def _examine(c: Constants, b: Buffers, i: int, level: Level, before: Floats) -> 
     centre = start.mean[i]
     bent = start.bent[i]
     doubt = start.doubt[i]
-    rank, full = component.root(start.covariance[i], plain_size(c))
+    rank, full = root(start.covariance[i], plain_size(c))
     axes = full[:, :rank].copy()
-    t, code = component.event(c, centre, before)
+    t, code, before = event(c, centre)
     b.slow[i] = _slow(c, centre, t, code, before)
     axis = b.axis[i]
     n = np.zeros(rank)
@@ -153,47 +162,46 @@ def _examine(c: Constants, b: Buffers, i: int, level: Level, before: Floats) -> 
     pieces = 1
     if w > LIGHT and rank > 0 and code != 0:
         reach = math.sqrt(2.0 * math.log(w / LEAST_WEIGHT_BEYOND) - 2.0)
-        other, q = component.cut_plane(c, centre, axes, code, b.ignored[i], reach, before)
+        other, q = cut_plane(c, centre, axes, code, b.ignored[i], reach)
         if other != code:
-            length = linalg.norm(q)
-            linalg.put_scaled(n, q, length)
+            length = norm(q)
+            put_scaled(n, q, length)
             depth = 1.0 / length
-            v = linalg.apply(axes, n)
+            v = apply(axes, n)
             last = start.label[i]
             last -= ON_ORBIT if last > MOST_WHEELS else 0
-            there = linalg.beyond(centre, 1.01 * depth, v)
-            own = component.own_spread(c, centre, axes, there, b.time[b.parent[i]], last, before)
+            there = beyond(centre, 1.01 * depth, v)
+            own = own_spread(c, centre, axes, there, b.time[b.parent[i]], last)
             if depth > reach * own:
-                b.ignored[i] |= component.mark(
-                    c, other
-                )  # the noise until that impact does not lead to it
+                b.ignored[i] |= mark(c, other)  # the noise until that impact does not lead to it
                 depth = 0.0
             elif depth > TAIL_DISTANCE:
                 cut = depth
                 b.beyond[i] = other
-                linalg.put_row(axis, v)
+                put_row(axis, v)
             else:
                 pieces = 2
                 halved = depth
-                linalg.put_row(b.plane[i], v)
+                put_row(b.plane[i], v)
     section.weight[2 * i + 1] = 0.0
     worst = most = 0.0
     for k in range(pieces):
+        image = 2 * i + k
         share = 1.0
         narrow = 1.0
         at = centre
         across = axes
         if pieces == 2:
-            _, rate, variance = component.half(depth, k == 0)
-            share = component.half(depth / own, k == 0)[0]
+            _, rate, variance = half(depth, k == 0)
+            share = half(depth / own, k == 0)[0]
             narrow = math.sqrt(variance)
-            at = linalg.beyond(centre, rate, v)
+            at = beyond(centre, rate, v)
             across = axes.copy()
-            linalg.add_outer(across, narrow - 1.0, v, n)
-        section.weight[2 * i + k] = w * share
-        bend, u = component.propagate(c, at, across, b.image, 2 * i + k, before)
-        section.bent[2 * i + k] = bent + bend
-        section.doubt[2 * i + k] = doubt
+            add_outer(across, narrow - 1.0, v, n)
+        section.weight[image] = w * share
+        bend, u = propagate(c, at, across, b.image, image)
+        section.bent[image] = bent + bend
+        section.doubt[image] = doubt
         most = max(most, bend)
         if cut > 0.0:
             continue
@@ -202,11 +210,11 @@ def _examine(c: Constants, b: Buffers, i: int, level: Level, before: Floats) -> 
         if pieces == 1 or worth > worst:
             worst = worth
             if pieces == 2:
-                shear = (1.0 / narrow - 1.0) * linalg.dot(u, n)
+                shear = (1.0 / narrow - 1.0) * dot(u, n)
                 for m in range(rank):
                     u[m] += shear * n[m]  # normal of the same planes, in sds of the whole component
-                linalg.put_scaled(u, u, linalg.norm(u))
-            linalg.put_row(axis, linalg.apply(axes, u))
+                put_scaled(u, u, norm(u))
+            put_row(axis, apply(axes, u))
     if cut > 0.0:
         error = w
         tail, tail_doubt = _weigh(depth, own, bent + most)
@@ -216,7 +224,7 @@ def _examine(c: Constants, b: Buffers, i: int, level: Level, before: Floats) -> 
         section.doubt[2 * i + 1] = math.hypot(doubt, more)
         crossing = BRANCH * w * math.exp(-0.5 * depth * depth)
         if crossing > error:
-            linalg.put_row(axis, v)
+            put_row(axis, v)
         error += crossing
     b.error[i] = error
     b.depth[i] = cut
@@ -226,7 +234,7 @@ def _examine(c: Constants, b: Buffers, i: int, level: Level, before: Floats) -> 
 
 
 @internal
-def _doubles(c: Constants, ignored: int, centre: Floats, axis: Floats, before: Floats) -> bool:
+def _doubles(c: Constants, ignored: int, centre: Floats, axis: Floats) -> bool:
     """Whether an outer third of a component would reach beyond a boundary whose tail was split off
     already.
 
@@ -236,8 +244,8 @@ def _doubles(c: Constants, ignored: int, centre: Floats, axis: Floats, before: F
     if ignored == 0:
         return False
     for side in (-1.0, 1.0):
-        end = linalg.beyond(centre, side * component.THIRD_CENTRE, axis)
-        if ignored & component.mark(c, component.event(c, end, before)[1]):
+        end = beyond(centre, side * THIRD_CENTRE, axis)
+        if ignored & mark(c, event(c, end)[1]):
             return True
     return False
 
@@ -265,16 +273,16 @@ def _cut(c: Constants, b: Buffers, i: int, count: int) -> int:
     for k in range(pieces):
         at = i if k == 0 else count + k - 1
         if pieces == 2:
-            _, place, variance = component.half(depth, k == 0)
+            _, place, variance = half(depth, k == 0)
             share = 1.0 - b.tail[i] if k == 0 else b.tail[i]
         else:
-            share = component.THIRD_WEIGHT if k > 0 else 1.0 - 2.0 * component.THIRD_WEIGHT
-            place = 0.0 if k == 0 else (2 * k - 3) * component.THIRD_CENTRE
-            variance = component.THIRD_WIDTH**2
+            share = THIRD_WEIGHT if k > 0 else 1.0 - 2.0 * THIRD_WEIGHT
+            place = 0.0 if k == 0 else (2 * k - 3) * THIRD_CENTRE
+            variance = THIRD_WIDTH**2
         parts.weight[at] = w * share
-        linalg.put_row(means[at], linalg.beyond(centre, place, v))
-        linalg.put(spreads[at], sigma)
-        linalg.add_outer(spreads[at], variance - 1.0, v, v)
+        put_row(means[at], beyond(centre, place, v))
+        put(spreads[at], sigma)
+        add_outer(spreads[at], variance - 1.0, v, v)
         parts.label[at] = parts.label[i]
         b.parent[at] = b.parent[i]
         parts.bent[at] = bent
@@ -282,8 +290,8 @@ def _cut(c: Constants, b: Buffers, i: int, count: int) -> int:
         ignored[at] = seen
     if pieces == 2:
         doubts[count] = math.hypot(doubts[count], b.doubt[i])
-        ignored[count] |= component.mark(c, section.label[2 * i])
-        ignored[i] |= component.mark(c, b.beyond[i])
+        ignored[count] |= mark(c, section.label[2 * i])
+        ignored[i] |= mark(c, b.beyond[i])
     return count + pieces - 1
 
 
@@ -298,25 +306,24 @@ def add_noise(
     whose flight is damped by more than ``exp(-DAMPED)`` is discarded: flown back, its noise has no
     digits left.
 
-    `flown`: Takes the time of each component's flight.
+    `flown`: Takes the time of each component's flight; 0 if it does not end.
     """
     states = 2 * c.wheels.size
-    before = np.empty(states)
     fastest = 0.0
-    for i in range(c.wheels.size):
-        fastest = max(fastest, c.wheels[i].beta)
+    for wheel in c.wheels:
+        fastest = max(fastest, wheel.beta)
     discarded = 0.0
     for i in range(live):
-        t, code = component.event(c, mean[i], before)
+        t, code, _ = event(c, mean[i])
         if code != 0 and t * fastest > DAMPED:
             discarded += weight[i]
             weight[i] = 0.0
         elif code != 0:
-            noise = linalg.congruence(jacobian(c, -t), noise_covariance(c, mean[i, 0], t))
+            noise = congruence(jacobian(c, -t), noise_covariance(c, mean[i, 0], t))
             for m in range(states):
                 for n in range(states):
                     covariance[i, 1 + m, 1 + n] += noise[m, n]
-        flown[i] = t
+        flown[i] = t if code != 0 else 0.0
     return discarded
 
 
@@ -327,7 +334,6 @@ def fly(c: Constants, live: int, b: Buffers, level: Level) -> int:
     `b`: Components in ``b.start``, with the noise of the flight; their images are written to
     ``b.image``.
     """
-    before = np.empty(2 * c.wheels.size)
     error = b.error
     # seen: components examined already, except the last one that was split
     count = live
@@ -336,15 +342,15 @@ def fly(c: Constants, live: int, b: Buffers, level: Level) -> int:
     while count > seen:
         for k in range(seen, count + (1 if seen > 0 else 0)):
             i = last if k == count else k
-            _examine(c, b, i, level, before)
+            _examine(c, b, i, level)
         seen = count
         splits = count + 2 <= level.cut
         while splits:
-            last = linalg.largest(error, count)
+            last = largest(error, count)
             splits = error[last] >= level.worth
             if b.depth[last] > 0.0:
                 break
-            if not _doubles(c, b.ignored[last], b.start.mean[last], b.axis[last], before):
+            if not _doubles(c, b.ignored[last], b.start.mean[last], b.axis[last]):
                 break
             error[last] = 0.0
         if splits:
@@ -383,24 +389,25 @@ def _strike(
         if code == 0:
             discarded += w
             continue
-        speed = means[i, 2 * abs(code)]
-        hit = contact_matrix(c, abs(code), speed, means.shape[1], 1)
+        mesh = abs(code)
+        place = 2 * mesh
+        speed = means[i, place]
+        hit = contact_matrix(c, mesh, speed, means.shape[1], 1)
         section.weight[kept] = w
         section.label[kept] = code
-        linalg.put_row(flight[kept], flight[i])
-        linalg.put_row(means[kept], means[i])
-        linalg.put(spreads[kept], spreads[i])
+        put_row(flight[kept], flight[i])
+        put_row(means[kept], means[i])
+        put(spreads[kept], spreads[i])
         mean = after.mean[kept]
         spread = after.covariance[kept]
-        linalg.put_row(mean, linalg.apply(hit, means[i]))
-        if c.wheels[abs(code) - 1].slowing > 0.0:
-            linalg.put_row(mean, means[i])
-            strike(c, abs(code), mean[1 : plain_size(c)])
-        linalg.put(spread, linalg.congruence(hit, spreads[i]))
-        place = 2 * abs(code)
-        add_scatter(c, abs(code), speed, spreads[i, place, place], spread)
+        put_row(mean, apply(hit, means[i]))
+        if c.wheels[mesh - 1].slowing > 0.0:
+            put_row(mean, means[i])
+            strike(c, mesh, mean[1 : plain_size(c)])
+        put(spread, congruence(hit, spreads[i]))
+        add_scatter(c, mesh, speed, spreads[i, place, place], spread)
         if redrawn.size > 0:
-            flank = column(c.wheels.size, abs(code), -code)
+            flank = column(c.wheels.size, mesh, -code)
             mean[flank] = 0.0
             for k in range(mean.size):  # nothing is known of a deviation that is drawn anew
                 spread[flank, k] = spread[k, flank] = 0.0

@@ -14,10 +14,11 @@ import numpy as np
 
 from rattle.closure.branching.advance import Advance, Buffers, Level
 from rattle.closure.branching.mixture import Mixture
-from rattle.closure.branching.propagate import event, half
+from rattle.closure.branching.propagate import half
 from rattle.closure.section_map import plain_size, start_covariance
 from rattle.scene import Constants, Floats, Ints, Scene
 from rattle.scene.compiled import internal, jit, splice
+from rattle.scene.elementary import unknown
 from rattle.scene.flight import flow, jacobian, noise_covariance
 from rattle.scene.linear_algebra import (
     apply,
@@ -62,35 +63,17 @@ class InFlight(NamedTuple):
     time: Floats
 
 
-@splice
 def _inverse(covariance: Floats) -> Floats:
     """Inverse of a covariance on its range."""
-    d = covariance.shape[0]
     values, vectors = eigen(covariance)
-    out = np.zeros((d, d))
-    for k in range(d):
-        if values[k] > LEAST_EIGENVALUE * values[d - 1] and values[k] > 0.0:
-            for i in range(d):
-                for j in range(d):
-                    out[i, j] += vectors[i, k] * vectors[j, k] / values[k]
+    out = np.zeros(covariance.shape)
+    for value, vector in zip(values, vectors.T, strict=True):
+        if value > max(LEAST_EIGENVALUE * values[-1], 0.0):
+            out += np.outer(vector, vector) / value
     return out
 
 
-@jit
-def _regressions(c: Constants, whole: Mixture) -> tuple[Floats, Floats]:
-    """`InFlight.regression` and `InFlight.time` of components before splitting."""
-    n, d = whole.mean.shape
-    inverse = np.zeros((n, d, d))
-    flown = np.zeros(n)
-    before = np.empty(2 * c.wheels.size)
-    for i in range(n):
-        t, code = event(c, whole.mean[i], before)
-        flown[i] = t if code != 0 else 0.0
-        put(inverse[i], _inverse(whole.covariance[i]))
-    return inverse, flown
-
-
-def _in_flight(c: Constants, whole: Mixture, b: Buffers, count: int) -> InFlight:
+def _in_flight(whole: Mixture, b: Buffers, count: int) -> InFlight:
     """Copies of the components of a flight; those that a boundary halves as their halves."""
     section = b.image.section
     place = np.flatnonzero(section.weight[: 2 * count] > 0.0)
@@ -104,7 +87,6 @@ def _in_flight(c: Constants, whole: Mixture, b: Buffers, count: int) -> InFlight
         covariance[j] -= (1.0 - variance) * np.outer(plane, plane)
     end = np.column_stack([section.mean[place, 0], section.covariance[place, 0, 0]])
     end[section.label[place] == 0] = np.inf, 0.0
-    inverse, flown = _regressions(c, whole)
     return InFlight(
         section.weight[place],
         mean,
@@ -113,8 +95,8 @@ def _in_flight(c: Constants, whole: Mixture, b: Buffers, count: int) -> InFlight
         b.image.crossing[place],
         b.parent[of],
         whole.mean,
-        inverse,
-        flown,
+        np.array([_inverse(one) for one in whole.covariance]),
+        b.time[: len(whole.mean)].copy(),
     )
 
 
@@ -158,9 +140,7 @@ def _at(
     done = min(max(time - mean[0], 0.0), t)
     # derivative of the state at the start, with the noise up to `time` only
     plain = plain_size(c)
-    turned = np.zeros((plain - 1, d))
-    for i in range(plain - 1):
-        turned[i, 1 + i] = 1.0
+    turned = np.eye(plain - 1, d, 1)
     put(spread, congruence(turned, covariance))
     start = mean[1:plain].copy()
     if done < t:
@@ -280,7 +260,7 @@ class FixedTimes:
         weight, mean, covariance = self.gaussians(time)
         total = weight.sum()
         if abs(total - 1.0) > LACKING:
-            return np.full(mean.shape[1], np.nan), np.full(covariance.shape[1:], np.nan)
+            return unknown(mean.shape[1]), unknown(*covariance.shape[1:])
         share = weight / total
         centre = mean[0] + share @ (mean - mean[0])
         off = mean - centre
@@ -311,7 +291,7 @@ class FixedTimes:
     def fly(self) -> None:
         """One more flight of the closure, which is kept."""
         whole = self.run.fly()
-        self.flights.append(_in_flight(self.constants, whole, self.run.buffers, self.run.flown))
+        self.flights.append(_in_flight(whole, self.run.buffers, self.run.flown))
 
     def _follow(self) -> bool:
         """Follow one more flight; False if the closure has ended."""

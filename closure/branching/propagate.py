@@ -20,10 +20,25 @@ from rattle.closure.section_map import (
     plain_size,
 )
 from rattle.scene import Constants, Floats
-from rattle.scene import linear_algebra as linalg
 from rattle.scene.compiled import internal, jit, splice
 from rattle.scene.flight import field, flow, jacobian, noise_covariance
 from rattle.scene.impact import next_impact
+from rattle.scene.linear_algebra import (
+    add_outer,
+    apply,
+    beyond,
+    congruence,
+    dot,
+    eigen,
+    inner,
+    norm,
+    put,
+    put_row,
+    put_scaled,
+    quadratic,
+    times,
+    times_transposed,
+)
 
 NO_IMPACTS = cast(int, np.int64(0))
 """Bit mask of no impacts, of a non-literal type: numba compiles a function again for a literal."""
@@ -47,9 +62,9 @@ SLOWEST_ALONE = 1.0
 @internal
 def _return(
     c: Constants, e: Floats, start: Floats, mesh: int, side: int, late: float, before: Floats
-) -> float:
-    """When a flight that begins beyond a wall is back at it, from a time by which it is; the state
-    then in `before`.
+) -> tuple[float, Floats]:
+    """When a flight that begins beyond a wall is back at it, and the state then, from a time by
+    which it is and the state then.
 
     Noise that is moved back to the start of a flight puts it on either side of the wall that was
     just left, and `next_impact` takes what is beyond a wall as if it were at it.
@@ -65,20 +80,21 @@ def _return(
         speed = side * state[i + 1]
         if speed <= 0.0:  # it turns around beyond the wall
             break
-        linalg.put_row(before, state)
+        before = state
         before[i] = side * wall
         late = t
         t = t - beyond / speed
         if t <= 0.0 or t == late:
             break
-    return late
+    return late, before
 
 
 @internal
-def event(c: Constants, e: Floats, before: Floats) -> tuple[float, int]:
-    """The next impact from a point.
+def event(c: Constants, e: Floats) -> tuple[float, int, Floats]:
+    """The next impact from a point: its time, ``mesh * side`` or 0 for none, and the state just
+    before it.
 
-    Shapes: `e` (d,); `before` (2 wheels,).
+    Shapes: `e` (d,); result (2 wheels,).
     """
     middle = np.zeros(c.wheels.size)
     if e.size > plain_size(c):
@@ -86,13 +102,12 @@ def event(c: Constants, e: Floats, before: Floats) -> tuple[float, int]:
     start = e[1 : plain_size(c)].copy()
     for i in range(middle.size):
         start[2 * i] -= middle[i]
-    t, mesh, side, state = next_impact(c, e[0], start, LONGEST_FLIGHT)
-    linalg.put_row(before, state)
+    t, mesh, side, before = next_impact(c, e[0], start, LONGEST_FLIGHT)
     if t > 0.0 and mesh > 0 and side * start[2 * mesh - 2] > c.wheels[mesh - 1].wall:
-        t = _return(c, e, start, mesh, side, t, before)
+        t, before = _return(c, e, start, mesh, side, t, before)
     for i in range(middle.size):
         before[2 * i] += middle[i]
-    return t, (mesh * side if mesh > 0 else 0)
+    return t, (mesh * side if mesh > 0 else 0), before
 
 
 @internal
@@ -115,7 +130,7 @@ def root(sigma: Floats, plain: int) -> tuple[int, Floats]:
         for i in range(d):
             for k in range(d):
                 weighed[i, k] = weight[i] * sigma[i, k] * weight[k]
-    values, vectors = linalg.eigen(weighed)
+    values, vectors = eigen(weighed)
     columns = np.zeros((d, d))
     rank = 0
     for i in range(d - 1, -1, -1):
@@ -148,22 +163,21 @@ def _boundary(
     ignored: int,
     near: float,
     far: float,
-    before: Floats,
 ) -> tuple[float, int]:
     """Distance (in sds) along a unit vector at which the next impact changes from `code`, and to
     which.
 
     It is searched for from `near`, where the next impact is `code`, to `far`.
     """
-    direction = linalg.apply(axes, u)
-    found = event(c, linalg.beyond(centre, far, direction), before)[1]
+    direction = apply(axes, u)
+    found = event(c, beyond(centre, far, direction))[1]
     if found == code:
         return np.inf, code
     low = near
     high = far
     for _ in range(BISECTIONS):
         middle = 0.5 * (low + high)
-        met = event(c, linalg.beyond(centre, middle, direction), before)[1]
+        met = event(c, beyond(centre, middle, direction))[1]
         if met == code:
             low = middle
         else:
@@ -182,7 +196,6 @@ def cut_plane(
     code: int,
     ignored: int,
     reach: float,
-    before: Floats,
 ) -> tuple[int, Floats]:
     """The nearest boundary to another next impact, as a plane ``q z = 1`` with z along the
     principal axes.
@@ -191,7 +204,7 @@ def cut_plane(
     (Hasofer and Lind 1974): from the best axis, along the normal of the plane through nearby points
     of the boundary.
 
-    Shapes: `centre` (d,); `axes` (d, rank); `before` (2 wheels,); `q` (rank,).
+    Shapes: `centre` (d,); `axes` (d, rank); `q` (rank,).
     """
     rank = axes.shape[1]
     far = 1.6 * reach  # a slanted plane within reach cuts one of the axes there
@@ -202,38 +215,38 @@ def cut_plane(
     for ray in range(2 * rank):
         trial[:] = 0.0
         trial[ray // 2] = 1.0 if ray % 2 == 0 else -1.0
-        distance, found = _boundary(c, centre, axes, trial, code, ignored, 0.0, far, before)
+        distance, found = _boundary(c, centre, axes, trial, code, ignored, 0.0, far)
         if distance < nearest:
             nearest = distance
             other = found
-            linalg.put_row(u, trial)
+            put_row(u, trial)
     if other == code:
         return code, u
     for _ in range(2):
         q = np.zeros(rank)
         for i in range(rank):
-            linalg.put_row(trial, u)
+            put_row(trial, u)
             trial[i] += 0.5
-            length = linalg.norm(trial)
-            linalg.put_scaled(trial, trial, length)
-            distance, found = _boundary(c, centre, axes, trial, code, ignored, 0.0, far, before)
+            length = norm(trial)
+            put_scaled(trial, trial, length)
+            distance, found = _boundary(c, centre, axes, trial, code, ignored, 0.0, far)
             q[i] = 2.0 * ((length / distance if found == other else 0.0) - 1.0 / nearest)
-        length = linalg.norm(q)
+        length = norm(q)
         if length == 0.0:
             break
-        linalg.put_scaled(trial, q, length)
-        distance, found = _boundary(c, centre, axes, trial, code, ignored, 0.0, far, before)
+        put_scaled(trial, q, length)
+        distance, found = _boundary(c, centre, axes, trial, code, ignored, 0.0, far)
         if not (found == other and distance < nearest):
             break
         nearest = distance
-        linalg.put_row(u, trial)
+        put_row(u, trial)
     # a step of the search is 0.1 sds, and so much further off the weight beyond is smaller by a
     # third
     near = max(nearest - far / 2.0**BISECTIONS, 0.0)
-    nearest = _boundary(c, centre, axes, u, code, NO_IMPACTS, near, nearest, before)[0]
+    nearest = _boundary(c, centre, axes, u, code, NO_IMPACTS, near, nearest)[0]
     if nearest > reach:
         return code, u
-    linalg.put_scaled(u, u, nearest)
+    put_scaled(u, u, nearest)
     return other, u
 
 
@@ -265,7 +278,7 @@ def _passing(
     i = 2 * mesh - 2
     flown = jacobian(c, t)[i]
     plain = plain_size(c)
-    early = before[i + 1] - linalg.dot(flown, field(c, centre[0], centre[1:plain]))
+    early = before[i + 1] - dot(flown, field(c, centre[0], centre[1:plain]))
     passing = np.zeros(axes.shape[1])
     for k in range(passing.size):
         for m in range(flown.size):
@@ -278,7 +291,7 @@ def _passing(
 
 @internal
 def own_spread(
-    c: Constants, centre: Floats, axes: Floats, beyond: Floats, t: float, last: int, before: Floats
+    c: Constants, centre: Floats, axes: Floats, there: Floats, t: float, last: int
 ) -> float:
     """Sd of the distance to a wall by the noise until it is met, over that by the noise of the
     whole flight.
@@ -286,18 +299,16 @@ def own_spread(
     1 where it is met later than that, and for the wall just left: no plane divides the paths that
     leave it slowly into those that return at once and the others.
 
-    `beyond`: A point from which that wall is met. `t`: Time of the flight whose noise was added.
+    `there`: A point from which that wall is met. `t`: Time of the flight whose noise was added.
     `last`: The wall just left.
 
-    Shapes: `centre`, `beyond` (d,); `axes` (d, rank); `before` (2 wheels,).
+    Shapes: `centre`, `there` (d,); `axes` (d, rank).
     """
-    early, code = event(c, beyond, before)
+    early, code, before = event(c, there)
     if code == 0 or code == last or early >= t:
         return 1.0
-    whole = linalg.norm(_passing(c, code, centre, axes, early, before))
-    late = linalg.congruence(
-        jacobian(c, early - t), noise_covariance(c, centre[0] + early, t - early)
-    )
+    whole = norm(_passing(c, code, centre, axes, early, before))
+    late = congruence(jacobian(c, early - t), noise_covariance(c, centre[0] + early, t - early))
     i = 2 * abs(code) - 2
     return math.sqrt(max(1.0 - late[i, i] / (whole * whole), 0.0)) if whole > 0.0 else 1.0
 
@@ -330,16 +341,16 @@ def _derivatives(
     passing = _passing(c, code, centre, axes, t, before)
     pull = field(c, centre[0] + t, before)[i + 1]
     spreads = SLOWEST_IN_SPREADS if c.wheels[mesh - 1].low < math.inf else SLOWEST_ALONE
-    slowest = spreads * math.sqrt(2.0 * abs(pull) * linalg.norm(passing)) + 1e-9
+    slowest = spreads * math.sqrt(2.0 * abs(pull) * norm(passing)) + 1e-9
     regular = before.copy()
     regular[i + 1] = side * max(slowest, side * before[i + 1])
     plain = plain_size(c)
     flight = linearise_flight(c, centre[0], centre[1:plain], t, regular)
     first, second = derivatives(flight, mesh, side, d)
-    linear = linalg.times(first[:, :d].copy(), axes)
+    linear = times(first[:, :d].copy(), axes)
     curve = np.zeros((plain, axes.shape[1], axes.shape[1]))
     for j in range(plain):
-        linalg.put(curve[j], linalg.quadratic(second[j, :d, :d].copy(), axes))
+        put(curve[j], quadratic(second[j, :d, :d].copy(), axes))
     return linear, curve
 
 
@@ -351,14 +362,14 @@ def _most_bent(linear: Floats, curve: Floats) -> tuple[float, Floats]:
     worst = 0.0
     at = 0
     for j in range(curve.shape[0]):
-        variance = linalg.inner(linear[j : j + 1], linear[j : j + 1])
+        variance = inner(linear[j : j + 1], linear[j : j + 1])
         if variance > 1e-24:
-            bend = 0.5 * linalg.inner(curve[j], curve[j]) / variance
+            bend = 0.5 * inner(curve[j], curve[j]) / variance
             if bend > worst:
                 worst = bend
                 at = j
     if worst > 0.0:
-        values, vectors = linalg.eigen(curve[at])
+        values, vectors = eigen(curve[at])
         most = values.size - 1 if values[-1] > -values[0] else 0
         for k in range(u.size):
             u[k] = vectors[k, most]
@@ -367,13 +378,13 @@ def _most_bent(linear: Floats, curve: Floats) -> tuple[float, Floats]:
 
 @splice
 def propagate(
-    c: Constants, centre: Floats, axes: Floats, to: Image, at: int, before: Floats
+    c: Constants, centre: Floats, axes: Floats, to: Image, at: int
 ) -> tuple[float, Floats]:
     """Propagate a Gaussian to its next impact, to second order in its spread.
 
-    Shapes: `centre` (d,); `axes` (d, rank); `before` (2 wheels,); `u` (rank,).
+    Shapes: `centre` (d,); `axes` (d, rank); `u` (rank,).
     """
-    t, code = event(c, centre, before)
+    t, code, before = event(c, centre)
     section = to.section
     section.label[at] = code
     d, rank = axes.shape
@@ -381,8 +392,8 @@ def propagate(
     mean = section.mean[at]
     spread = section.covariance[at]
     flight = to.flight[at]
-    linalg.put_row(mean, centre)
-    linalg.put_row(mean[1:plain], before)
+    put_row(mean, centre)
+    put_row(mean[1:], before)
     mean[0] += t
     spread[:] = 0.0
     to.crossing[at] = 0.0
@@ -395,17 +406,17 @@ def propagate(
     straight = bend < SIGMA_POINT_RATIO**2
     # own: derivative of the flight time
     own = np.empty(rank)
-    image = linalg.apply(linear, u)
+    image = apply(linear, u)
     # treat the most curved direction by two sigma points, at one sd to either side
     if not straight:
-        linalg.add_outer(linear, -1.0, image, u)
-    tilt = linalg.dot(axes[0], u)
-    v = linalg.apply(axes, u)
+        add_outer(linear, -1.0, image, u)
+    tilt = dot(axes[0], u)
+    v = apply(axes, u)
     for k in range(rank):
         own[k] = linear[0, k] - axes[0, k] + (0.0 if straight else tilt * u[k])
-    linalg.put(spread, linalg.times_transposed(linear, linear))
-    linalg.put_row(to.crossing[at], linalg.apply(axes, linear[0]))
-    flight[1] = linalg.dot(own, own)
+    put(spread, times_transposed(linear, linear))
+    put_row(to.crossing[at], apply(axes, linear[0]))
+    flight[1] = dot(own, own)
     if straight:
         for j in range(plain):
             trace = 0.0
@@ -413,28 +424,28 @@ def propagate(
                 trace += curve[j, k, k]
             mean[j] += 0.5 * trace
             for k in range(plain):
-                spread[j, k] += 0.5 * linalg.inner(curve[j], curve[k])
+                spread[j, k] += 0.5 * inner(curve[j], curve[k])
             if j == 0:
                 flight[0] += 0.5 * trace
-                flight[1] += 0.5 * linalg.inner(curve[0], curve[0])
+                flight[1] += 0.5 * inner(curve[0], curve[0])
         return bend, u
     ends = np.empty((2, d))
-    times = np.empty(2)
+    flights = np.empty(2)
     met = 0
     for k in range(2):
         end = ends[k]
-        linalg.put_row(end, linalg.beyond(centre, 1.0 - 2.0 * k, v))
-        times[k], there = event(c, end, before)
+        put_row(end, beyond(centre, 1.0 - 2.0 * k, v))
+        flights[k], there, before = event(c, end)
         met += there == code
-        end[0] += times[k]
-        linalg.put_row(end[1:plain], before)
+        end[0] += flights[k]
+        put_row(end[1:], before)
     if met == 2:
         for j in range(d):
             mean[j] = 0.5 * (ends[0, j] + ends[1, j])
-        apart = linalg.beyond(ends[0], -1.0, ends[1])
-        linalg.add_outer(spread, 0.25, apart, apart)
-        flight[0] = 0.5 * (times[0] + times[1])
-        flight[1] += 0.25 * (times[0] - times[1]) ** 2
+        apart = beyond(ends[0], -1.0, ends[1])
+        add_outer(spread, 0.25, apart, apart)
+        flight[0] = 0.5 * (flights[0] + flights[1])
+        flight[1] += 0.25 * (flights[0] - flights[1]) ** 2
         for j in range(d):
             to.crossing[at, j] += 0.5 * apart[0] * v[j]
     return bend, u

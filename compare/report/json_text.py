@@ -6,12 +6,10 @@ import math
 import os
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any
 
 from rattle.scene import FileError, harmless
-
-Facts: TypeAlias = dict[str, Any]
-"""Plain data by name, as JSON can hold it."""
+from rattle.scene.types import Facts as Facts
 
 
 def plain(data: Any) -> Any:
