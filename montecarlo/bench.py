@@ -50,7 +50,7 @@ def _steps(
     c: Constants, forcing: Any, state: Any, speeds: Any, z: Any, beyond: Any, loops: int
 ) -> None:
     for _ in range(loops):  # so short that no path moves noticeably
-        plain_lanes(c, c.wheels.size, False, forcing, 1e-12, False, state, state, speeds, z, beyond)
+        plain_lanes(c, c.wheels.size, forcing, 1e-12, False, state, state, speeds, z, beyond)
 
 
 @jit
