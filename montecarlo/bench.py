@@ -105,7 +105,11 @@ def _skill_loop(
     return total
 
 
-def slices(calls: Mapping[str, tuple[Callable[[], Any], float]], turns: int) -> dict[str, Floats]:
+Timed = tuple[Callable[[], Any], float]
+"""A call, and its units of work."""
+
+
+def slices(calls: Mapping[str, Timed], turns: int) -> dict[str, Floats]:
     """Processor time of calls that take turns, in ns per unit of work.
 
     Shapes: result (turns,).
@@ -121,7 +125,7 @@ def slices(calls: Mapping[str, tuple[Callable[[], Any], float]], turns: int) -> 
     return taken
 
 
-def _floor(scene: Scene) -> dict[str, tuple[Callable[[], Any], float]]:
+def _floor(scene: Scene) -> dict[str, Timed]:
     """A normal and the arithmetic of a step as they are here, and the loop and the generator that
     others take."""
     c = scene.constants

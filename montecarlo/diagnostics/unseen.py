@@ -172,9 +172,8 @@ def branches_between(
         return Added(nil, nil, nil, np.zeros(0))
     found = _branches(scene, impacts, more, mixture, dt)
     boosts = _boosts(found, mixture)
-    between = (found.probabilities * boosts >= SEEN / more) & (
-        found.probabilities * boosts < SEEN / fewer
-    )
+    often = found.probabilities * boosts
+    between = (often >= SEEN / more) & (often < SEEN / fewer)
     added = np.maximum(found.additions[1:, between], 0.0)
     noise, fourth = (added / boosts[between, None, None]).sum(axis=1)
     return Added(added[0].sum(axis=0), noise, fourth, found.probabilities[between])

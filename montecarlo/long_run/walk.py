@@ -196,6 +196,7 @@ class Walk:
         paths: int,
         quiet: Quiet = ALL_FOLLOWED,
     ) -> None:
+        self.first = first
         self.paths = paths
         self.steps = steps_per_period(scene)
         self._columns = columns_recorded(scene.stages)
