@@ -50,7 +50,7 @@ def _steps(
     c: Constants, forcing: Any, state: Any, speeds: Any, z: Any, beyond: Any, loops: int
 ) -> None:
     for _ in range(loops):  # so short that no path moves noticeably
-        plain_lanes(c, c.wheels.size, False, forcing, 1e-12, False, state, state, speeds, z, beyond)
+        plain_lanes(c, c.wheels.size, forcing, 1e-12, False, state, state, speeds, z, beyond)
 
 
 @jit
@@ -105,7 +105,11 @@ def _skill_loop(
     return total
 
 
-def slices(calls: Mapping[str, tuple[Callable[[], Any], float]], turns: int) -> dict[str, Floats]:
+Timed = tuple[Callable[[], Any], float]
+"""A call, and its units of work."""
+
+
+def slices(calls: Mapping[str, Timed], turns: int) -> dict[str, Floats]:
     """Processor time of calls that take turns, in ns per unit of work.
 
     Shapes: result (turns,).
@@ -121,7 +125,7 @@ def slices(calls: Mapping[str, tuple[Callable[[], Any], float]], turns: int) -> 
     return taken
 
 
-def _floor(scene: Scene) -> dict[str, tuple[Callable[[], Any], float]]:
+def _floor(scene: Scene) -> dict[str, Timed]:
     """A normal and the arithmetic of a step as they are here, and the loop and the generator that
     others take."""
     c = scene.constants

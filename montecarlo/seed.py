@@ -5,13 +5,16 @@ import numpy as np
 
 from rattle.scene import InputError, count
 
-Rng = int | np.random.SeedSequence | np.random.Generator | np.random.BitGenerator
+Seed = int | np.random.SeedSequence
+"""What gives the same results each time."""
+
+Rng = Seed | np.random.Generator | np.random.BitGenerator
 """A whole number or a SeedSequence gives the same results each time.  A generator gives those of a
 child of its seed sequence, another one each time that it is passed, whatever was drawn from it; no
 number is drawn from it here."""
 
 
-def read_seed(rng: Rng) -> int | np.random.SeedSequence:
+def read_seed(rng: Rng) -> Seed:
     """The seed that a public function is given; a generator is asked for a child once in each
     call."""
     if isinstance(rng, np.random.Generator):

@@ -20,7 +20,7 @@ from rattle.montecarlo.schemes.step_size import (
     default_step,
 )
 from rattle.montecarlo.schemes.step_state import MOST_IN_A_STEP
-from rattle.montecarlo.seed import read_seed
+from rattle.montecarlo.seed import Seed, read_seed
 from rattle.scene import (
     Floats,
     InputError,
@@ -176,7 +176,7 @@ def check_settings(
     impacts: int,
     dt: float | None,
     scheme: str,
-    rng: int | np.random.SeedSequence,
+    rng: Seed,
     workers: int,
     step_bias: bool = False,
 ) -> None:
@@ -197,7 +197,7 @@ def plan_of(
     impacts: int,
     dt: float,
     scheme: str,
-    rng: int | np.random.SeedSequence = 0,
+    rng: Seed = 0,
     workers: int = 1,
     record: Record | None = None,
     sampling: Sampling | None = None,

@@ -78,7 +78,7 @@ class Runner:
         """Compute a cell; raises BudgetEnded if its blocks of paths do not fit the budget."""
         if cell.splits:
             blocks = in_tasks(self.submit, self.workers, self.share)
-            return cell.compute(self._budget.require(blocks))
+            return cell.compute(self._budget.limit(blocks, required=True))
         content: Content = self.submit(cell.compute).result()
         return content
 

@@ -107,7 +107,7 @@ def judge_errors(table: pd.DataFrame, z: float) -> pd.DataFrame:
     counted = table.get("effective_paths", table["paths"])
     student = half_width(counted, float(ndtr(-z))) * table["noise"]
     half = student + rows["rest"]
-    # Hall's correction, see `rattle.montecarlo.diagnostics.accuracy.skewness_gain`
+    # Hall's correction, see `rattle.montecarlo.diagnostics.accuracy.skewness_gains`
     lean = student * rows["lean"] * (2.0 * z**2 + 1.0) / (6.0 * z)
     rows["low"] = rows["error"] - half - lean.clip(lower=0.0) - rows["unseen_low"]
     rows["high"] = rows["error"] + half - lean.clip(upper=0.0) + rows["unseen_high"]

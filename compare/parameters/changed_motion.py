@@ -18,7 +18,7 @@ from rattle.montecarlo.long_run import AtRest
 from rattle.montecarlo.long_run.estimates import estimates
 from rattle.montecarlo.long_run.paths import LongPaths, warm_up
 from rattle.montecarlo.long_run.run import settle
-from rattle.montecarlo.long_run.sums import NUMBER, Collected, scales_of_pilot
+from rattle.montecarlo.long_run.sums import NUMBER, Sums, scales_of_pilot
 from rattle.montecarlo.schemes.quiet import quiet_of
 from rattle.montecarlo.settings import is_random
 from rattle.scene import Floats, InputError, Scene
@@ -189,7 +189,7 @@ class ChangedMotion:
         return np.log([unit_of(name, self.scene.gears, "physical")[1] for name in names])
 
 
-def _split(c: Collected, groups: int) -> list[Collected]:
+def _split(c: Sums, groups: int) -> list[Sums]:
     """The sums of each group of paths."""
     fields = ("main", "power", "products", "histogram", "section")
     parts = zip(*(np.split(getattr(c, name), groups) for name in fields), strict=True)

@@ -39,7 +39,7 @@ from rattle.montecarlo.looks import USUAL_LOOKS, share_of_look
 from rattle.montecarlo.schemes.step_size import SCHEMES, neglected_noise
 from rattle.montecarlo.settings import count_followed, exact_orbit, is_random
 from rattle.montecarlo.statistics.intervals import widest
-from rattle.montecarlo.statistics.section_statistics import quantity_at, stack_section
+from rattle.montecarlo.statistics.section_statistics import quantity_at, stack_section, undefined
 from rattle.scene import Floats, duration_text
 
 RATIO_STEP = 8.0  # largest ratio of two bounds that is followed at once
@@ -92,7 +92,7 @@ def expect_paths(
         wider = np.sqrt(sd**2 + added.square.T)
         # displacements at a struck wall, and what does not vary
         size = np.where(unit == sd, wider, unit)
-        with np.errstate(divide="ignore", invalid="ignore"):
+        with undefined():
             shrunk = np.nan_to_num(sd / wider, nan=1.0)
             new = np.where(wider > varies, added.fourth.T / (4.0 * wider**2), 0.0)
         mean = np.sqrt((error[0] ** 2 * begun + added.noise.T) / paths)
@@ -218,8 +218,6 @@ def find_missed_rows(run: Ensemble, accuracy: float, share: float) -> tuple[Row,
 def name_dearest_row(run: Ensemble, accuracy: float, share: float) -> str:
     """Which row takes most of the paths of an accuracy, and what the others take; empty where all
     are alike."""
-    if not is_random(run.scene):
-        return ""
     error, shift, hidden = errors_by_row(run)
     varies = error > 0.0
     if not varies.any():

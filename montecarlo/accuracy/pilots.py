@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from rattle.montecarlo.accuracy.cost import ExpectedPaths, cost_of, cost_to, expect_paths
+from rattle.montecarlo.accuracy.cost import cost_of, cost_to, expect_paths
 from rattle.montecarlo.diagnostics.accuracy import FEWEST_PATHS, small_noise
 from rattle.montecarlo.diagnostics.reach import Candidate
 from rattle.montecarlo.ensemble.result import Ensemble
@@ -86,10 +86,6 @@ class PilotRun:
         """Any run as a pilot, at the nominal time of its counted work."""
         return cls(run, cost_of(run, 1).core_seconds, True)
 
-    def expect_paths(self, accuracy: float) -> ExpectedPaths:
-        """Paths for which sampling and unseen branches are within an accuracy."""
-        return expect_paths(self.run, accuracy)
-
     def at(self, accuracy: float) -> Candidate:
         """Step, paths and work that an accuracy is expected to take."""
         if accuracy not in self._expected:
@@ -128,7 +124,7 @@ def sample_branches(
     if SCHEMES[run.scheme].has_step_bias or run.scene.sigma == 0.0 or cost < WAIT:
         return plain
     heavy = np.nanmax(stack_section(run.columns, "kurt_"), initial=0.0)
-    if heavy < HEAVY and not plain.expect_paths(accuracy).branch:
+    if heavy < HEAVY and not expect_paths(run, accuracy).branch:
         return plain
     rare = begin()
     if rare is None or rare.paths < FEWEST_PATHS:

@@ -92,7 +92,7 @@ def _refuse(pilot_run: PilotRun, accuracy: float) -> None:
 
 def _most_for(pilot_run: PilotRun, accuracy: float) -> str:
     """Which rare branch most of the paths are for, as a clause."""
-    branch = pilot_run.expect_paths(accuracy).branch
+    branch = expect_paths(pilot_run.run, accuracy).branch
     return f"; most paths are for {branch}" if branch else ""
 
 

@@ -129,11 +129,10 @@ def list_distinct(branches: Iterable[Branch], most: int) -> list[Branch]:
 def by_influence(branches: tuple[Branch, ...], sd: Floats) -> list[Branch]:
     """Rare branches by what they are expected to add to the kurtosis of a row, the most influential
     first; none whose design point no path reaches."""
-    distances = [math.hypot(*branch.shift.tolist()) for branch in branches]
     rare = [
         b
-        for b, distance in zip(branches, distances, strict=True)
-        if b.probability < LIKELY and 0.0 < distance < FARTHEST_POINT
+        for b in branches
+        if b.probability < LIKELY and 0.0 < math.hypot(*b.shift.tolist()) < FARTHEST_POINT
     ]
     added = [(float((np.abs(b.added[2]) / sd**4).max()), b) for b in rare]
     return [b for most, b in sorted(added, key=lambda one: -one[0]) if most > 0.1 * LEAST_KURTOSIS]

@@ -12,6 +12,7 @@ orbit's next impact, on the way or just before, and an impact that all but graze
 """
 
 import math
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -19,6 +20,7 @@ from scipy.special import log_ndtr, ndtr, ndtri, ndtri_exp
 
 from rattle.montecarlo.schemes.short_flight import kick
 from rattle.montecarlo.schemes.step_state import TERMS_AND_NOISE
+from rattle.montecarlo.statistics.section_statistics import undefined
 from rattle.scene import Constants, Floats
 from rattle.scene.compiled import jit
 from rattle.scene.flight import flow, jacobian, noise_covariance
@@ -52,21 +54,18 @@ MIDDLES = np.cumsum(STRATA) - 0.5 * STRATA
 
 @jit
 def _covariances(
-    c: Constants,
-    tau: float,
-    after: Floats,
-    start: Floats,
-    times: Floats,
-    means: Floats,
-    spread: Floats,
-) -> None:
+    c: Constants, tau: float, after: Floats, start: Floats, times: Floats
+) -> tuple[Floats, Floats]:
     """Mean state and covariance of a flight at each time since its start, `start` the covariance
     there."""
+    means = np.empty((times.size, after.size))
+    spread = np.empty((times.size, after.size, after.size))
     for n in range(times.size):
         t = times[n]
         put_row(means[n], flow(c, tau, after, t))
         put(spread[n], noise_covariance(c, tau, t))
         add(spread[n], congruence(jacobian(c, t), start))
+    return means, spread
 
 
 def follow_on(c: Constants, tau: float, state: Floats, mesh: int, rows: Floats) -> None:
@@ -140,31 +139,24 @@ class Gaussian(NamedTuple):
         return Gaussian(mean, spread + section[1:, 1:], self.noise, carry @ self.cross)
 
 
+@dataclass
 class SearchedFlight:
     """A flight with its Gaussian state around a noise-free path, to or beyond that path's next
-    impact.
+    impact."""
 
-    `grid`: Begin and step of the noise that is followed too.
-    """
+    c: Constants
+    tau: float
+    start: Gaussian
+    grid: tuple[float, float]  # begin and step of the noise that is followed too
 
-    def __init__(
-        self, c: Constants, tau: float, start: Gaussian, grid: tuple[float, float] = (0.0, 1.0)
-    ) -> None:
-        self.c = c
-        self.tau = tau
-        self.start = start
-        self.grid = grid
+    def __post_init__(self) -> None:
         self.time, self.mesh, self.side, self.before = next_impact(
-            c, tau, start.mean, LONGEST_SEARCHED_FLIGHT
+            self.c, self.tau, self.start.mean, LONGEST_SEARCHED_FLIGHT
         )
 
     def at(self, times: Floats) -> tuple[Floats, Floats]:
         """Mean and covariance at times since the start."""
-        size = self.start.mean.size
-        means = np.empty((times.size, size))
-        spread = np.empty((times.size, size, size))
-        _covariances(self.c, self.tau, self.start.mean, self.start.spread, times, means, spread)
-        return means, spread
+        return _covariances(self.c, self.tau, self.start.mean, self.start.spread, times)
 
     def states(self, times: Floats) -> list[Gaussian]:
         """State and noise at times since the start."""
@@ -334,7 +326,7 @@ def _miss(flight: SearchedFlight) -> Event | None:
     wall = _wall(flight.c, mesh)
     times = flight.time + np.linspace(0.0, TURN_TIME, 2 * GRID)
     means, spread = flight.at(times)
-    with np.errstate(divide="ignore", invalid="ignore"):
+    with undefined():
         beta = (side * means[:, i] - wall) / np.sqrt(np.maximum(spread[:, i, i], 0.0))
     falls = np.flatnonzero(beta[1:] < beta[:-1])
     best = int(falls[0]) if falls.size else 0

@@ -42,6 +42,7 @@ from rattle.scene import Constants, Floats, InputError, Ints, Scene
 from rattle.scene.compiled import ZERO, internal, lean_internal, not_inlined
 from rattle.scene.drive import velocity_acceleration
 from rattle.scene.impact import strike
+from rattle.scene.orbit import find_touching
 from rattle.scene.sticking import (
     as_bodies,
     close,
@@ -52,7 +53,7 @@ from rattle.scene.sticking import (
     take_open,
 )
 from rattle.scene.types import BODY
-from rattle.scene.wheel import flanks_of, nearest_wall, with_known_noise
+from rattle.scene.wheel import flanks_of, with_known_noise
 
 Pair = tuple[float, float]
 
@@ -124,14 +125,14 @@ def clockwork_at(scene: Scene, begins: Floats, h: float, depth: int) -> Clockwor
 class TreeRoom(NamedTuple):
     """Buffers of a path within a step."""
 
+    state: Floats  # state, end: present state, and that at the end of a trial; (2 wheels,)
+    end: Floats
+    walls: Floats  # distances of the flanks from the middle; (2 wheels,)
     # intervals still to be walked: increment and area, and their place in the tree, level and
     # node; (depth + 2, 4)
     pending: Floats
-    state: Floats  # state, end: present state, and that at the end of a trial; (2 wheels,)
-    end: Floats
     series: Floats  # Taylor series, as of `rattle.montecarlo.schemes.step_state.Scratch`
-    margins: Floats  # of the walls of each gap; (wheels,)
-    walls: Floats  # distances of the flanks from the middle; (2 wheels,)
+    forcing: Floats  # margins of the walls of each gap, in their place; (wheels, FORCING)
     sides: Ints  # sides on which meshes are closed to the end of the step, or 0; (wheels,)
     contacts: Ints  # of each mesh in this step; (wheels,)
 
@@ -149,12 +150,12 @@ def grow_tree(c: Constants, clock: Clockwork, seed: np.random.SeedSequence) -> T
     """The tree of given steps and a seed."""
     wheels = c.wheels.size
     room = TreeRoom(
-        pending=np.empty((clock.depth + 2, 4)),
         state=np.empty(2 * wheels),
         end=np.empty(2 * wheels),
-        series=np.zeros((3 + wheels, TERMS_AND_NOISE)),
-        margins=np.empty(wheels),
         walls=flanks_of(c),
+        pending=np.empty((clock.depth + 2, 4)),
+        series=np.zeros((3 + wheels, TERMS_AND_NOISE)),
+        forcing=np.empty((wheels, FORCING)),
         sides=np.zeros(wheels, np.int64),
         contacts=np.zeros(wheels, np.int64),
     )
@@ -186,16 +187,7 @@ def _beside(tree: Tree) -> Tree:
     walls = np.empty(2 * free.size)
     take_open(room.state, free, state)
     take_open(room.walls, free, walls)
-    bodies = TreeRoom(
-        room.pending,
-        state,
-        np.empty(state.size),
-        room.series,
-        room.margins[: free.size],
-        walls,
-        room.sides,
-        room.contacts,
-    )
+    bodies = TreeRoom(state, np.empty(state.size), walls, *room[3:])
     return Tree(as_bodies(tree.c, room.sides), tree.clock, tree.key, bodies)
 
 
@@ -218,15 +210,15 @@ def _fly(tree: Tree, tau: float, h: float, noise: Noise, end: Floats) -> None:
 
 
 @lean_internal
-def _is_near(c: Constants, h: float, s: Floats, end: Floats, margins: Floats) -> bool:
-    """Whether a flight between two states may meet a wall."""
+def _is_near(c: Constants, h: float, s: Floats, end: Floats, f: Floats) -> bool:
+    """Whether a flight between two states may meet a wall; `f` has the margins of the gaps."""
     third = h / 3.0
     for i in range(c.wheels.size):
         high = c.wheels[i].wall
         low = c.wheels[i].low
         x = 2 * i
         y = x + 1
-        if near_wall(third, s[x], s[y], end[x], end[y], high, low, margins[i]):
+        if near_wall(third, s[x], s[y], end[x], end[y], high, low, f[i, MARGIN]):
             return True
     return False
 
@@ -306,11 +298,9 @@ def _close_resting(tree: Tree, tau: float, noise: float, held: Ints) -> None:
     c = tree.c
     room = tree.room
     s = room.state
-    touching = held.copy()
+    touching = find_touching(c, s)
     for i in range(held.size):
-        side, distance = nearest_wall(c, i, s[2 * i])
-        if s[2 * i + 1] == 0.0 and distance == 0.0:
-            touching[i] = side
+        touching[i] = touching[i] if touching[i] != 0 else held[i]
     pushed = with_known_noise(c, noise)
     sticking = np.empty(held.size, np.int64)
     driver = velocity_acceleration(c.drive, tau)
@@ -388,9 +378,9 @@ def _passes(tree: Tree, tau: float, h: float, noise: Noise) -> bool:
     room = tree.room
     phase = phase_at(c.drive, tau)
     _fly(tree, tau, h, noise, room.end)
-    for i in range(room.margins.size):
-        room.margins[i] = margin_of(c, phase, h, i)
-    if _is_near(c, h, room.state, room.end, room.margins):
+    for i in range(c.wheels.size):
+        room.forcing[i, MARGIN] = margin_of(c, phase, h, i)
+    if _is_near(c, h, room.state, room.end, room.forcing):
         return False
     copy_state(room.state, room.end)
     return True
@@ -448,9 +438,7 @@ def walk_step(
         _close_for_step(tree, (step % len(w.forcing)) * w.h)
     if not is_any(room.sides):
         _step_freely(c, f, state, z, room.end)
-        for i in range(room.margins.size):
-            room.margins[i] = f[i, MARGIN]
-        if not _is_near(c, w.h, state, room.end, room.margins):
+        if not _is_near(c, w.h, state, room.end, f):
             copy_state(state, room.end)
             return 0, False
     put_all(room.contacts, 0)

@@ -2,17 +2,15 @@
 (docs/theory/statistics.md).
 
 The bound of `error_bound` is where the probabilities that the rows' errors exceed it add up to 5 %.
-Errors are larger where the sampling distribution of a row is skewed (`skewness_gain`), and by what
+Errors are larger where the sampling distribution of a row is skewed (`skewness_gains`), and by what
 branches that the sample cannot have seen could change (`rattle.montecarlo.diagnostics.unseen`).
 They are in units of each quantity's sd, and absolute where the sd is no scale: where nothing
 varies, and for the displacement at the mesh that most paths strike.
 """
 
-from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import ndtr
 
 from rattle.montecarlo.diagnostics.unseen import Unseen, unseen
@@ -20,9 +18,11 @@ from rattle.montecarlo.diagnostics.unseen_text import unseen_text
 from rattle.montecarlo.kernel.block import BLOCK
 from rattle.montecarlo.statistics.intervals import CONFIDENCE, ROUNDED_SD
 from rattle.montecarlo.statistics.section_statistics import (
+    SectionColumns,
     quantities_in,
     quantity_at,
     stack_section,
+    undefined,
 )
 from rattle.scene import Floats, Scene
 
@@ -42,7 +42,7 @@ Place = tuple[np.intp, ...]
 """Indices of a moment in `BOUND_MOMENTS`, of a section quantity, and of an impact."""
 
 
-def smallest_sd(columns: Mapping[str, NDArray[Any]]) -> dict[str, Floats]:
+def smallest_sd(columns: SectionColumns) -> dict[str, Floats]:
     """Smallest sd of each quantity, shape (impacts,), that doubles resolve: below it the quantity
     counts as constant.
 
@@ -89,7 +89,7 @@ def sampling_error(run: Any) -> tuple[float, str]:
     return float(errors.max()), name_row(np.unravel_index(errors.argmax(), errors.shape))
 
 
-def _stack_errors(columns: Mapping[str, NDArray[Any]]) -> Floats:
+def _stack_errors(columns: SectionColumns) -> Floats:
     """Standard errors of section means and sds, shape (2, quantities, impacts)."""
     return np.stack([stack_section(columns, prefix) for prefix in ("se_", "se_sd_")])
 
@@ -106,41 +106,39 @@ class Bound(NamedTuple):
     rare: str  # moment, quantity and impact that it could change most
 
 
-def skewness_gain(columns: Mapping[str, NDArray[Any]], quantity: str, sd: bool, z: float) -> Floats:
-    """By how much an interval of a mean or an sd is longer on one side, in units of its half width.
+def skewness_gains(columns: SectionColumns, z: float) -> Floats:
+    """By how much intervals of means and sds are longer on one side, in units of their half width.
 
     Hall's (1992) correction of a studentised mean, ``gamma (2 z^2 + 1) / (6 z sqrt(n))``, with the
     skewness gamma of what is averaged: the quantity for its mean, its squared deviation for its sd.
     Ten paths that carry most of a variance are nearly a Poisson count, whose upper limit this is.
 
     Returns: Positive where the true value may lie further above than below; 0 where it is not
-    known. Shapes: result (impacts,).
+    known. Shapes: result (2, quantities, impacts).
     """
+    factor = 2.0 * z**2 + 1.0
     if "lean_tau" in columns:  # weighted paths: measured
-        lean = np.asarray(columns[f"lean_{'sd_' if sd else ''}{quantity}"], float)
-        return np.asarray(np.nan_to_num(lean) * (2.0 * z**2 + 1.0) / (6.0 * z))
+        lean = np.stack([stack_section(columns, prefix) for prefix in ("lean_", "lean_sd_")])
+        return np.asarray(np.nan_to_num(lean) * factor / (6.0 * z))
     n = np.maximum(np.asarray(columns["paths"], float), 1.0)
-    gamma = np.asarray(columns["skew_" + quantity], float)
-    if sd:
-        fourth = 3.0 + np.asarray(columns["kurt_" + quantity], float)
-        with np.errstate(invalid="ignore", over="ignore"):
-            # the variance of the skewness is that of z^3 - 3 z, and E z^6 >= (E z^4)^2 as E z^2 = 1
-            se = np.asarray(columns["se_skew_" + quantity], float)
-            sixth = np.maximum(n * se**2 - 9.0 + 6.0 * fourth, fourth**2)
-            gamma = (sixth - 3.0 * fourth + 2.0) / np.maximum(fourth - 1.0, 1e-12) ** 1.5
-    gain: Floats = np.nan_to_num(gamma * (2.0 * z**2 + 1.0) / (6.0 * z * np.sqrt(n)))
-    return gain
+    fourth = 3.0 + stack_section(columns, "kurt_")
+    with np.errstate(invalid="ignore", over="ignore"):
+        # the variance of the skewness is that of z^3 - 3 z, and E z^6 >= (E z^4)^2 as E z^2 = 1
+        se = stack_section(columns, "se_skew_")
+        sixth = np.maximum(n * se**2 - 9.0 + 6.0 * fourth, fourth**2)
+        of_sd = (sixth - 3.0 * fourth + 2.0) / np.maximum(fourth - 1.0, 1e-12) ** 1.5
+    gamma = np.stack([stack_section(columns, "skew_"), of_sd])
+    return np.asarray(np.nan_to_num(gamma * factor / (6.0 * z * np.sqrt(n))))
 
 
-def absolute_errors(columns: Mapping[str, NDArray[Any]]) -> Floats:
+def absolute_errors(columns: SectionColumns) -> Floats:
     """Standard errors of section means and sds, longer where their sampling distribution is skewed.
 
     Returns: Of the mean and of the sd of each section quantity, in its own unit; 0 where not known.
     Shapes: result (2, quantities, impacts).
     """
-    quantities = quantities_in(columns)
-    gains = [[skewness_gain(columns, q, sd, Z_OF_GAIN) for q in quantities] for sd in (False, True)]
-    return np.nan_to_num(_stack_errors(columns)) * (1.0 + np.abs(gains))
+    gains = skewness_gains(columns, Z_OF_GAIN)
+    return np.asarray(np.nan_to_num(_stack_errors(columns)) * (1.0 + np.abs(gains)))
 
 
 def unseen_shifts(hidden: Unseen) -> Floats:
@@ -158,13 +156,13 @@ def find_exceedance(error: Floats, shift: Floats, share: float) -> float:
     high = float((shift + 40.0 * error).max())
     for _ in range(60):
         middle = 0.5 * (low + high)
-        with np.errstate(divide="ignore", invalid="ignore"):
+        with undefined():
             beyond = np.where(error > 0.0, 2.0 * ndtr(-(middle - shift) / error), 0.0).sum()
         low, high = (middle, high) if beyond > share else (low, middle)
     return high
 
 
-def count_paths(columns: Mapping[str, NDArray[Any]]) -> int:
+def count_paths(columns: SectionColumns) -> int:
     """Paths that reached the first impact."""
     return int(np.nanmax(np.nan_to_num(columns["paths"]), initial=0.0))
 

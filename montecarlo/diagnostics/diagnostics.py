@@ -2,16 +2,16 @@
 it."""
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rattle.montecarlo.diagnostics.accuracy import error_bound
-from rattle.montecarlo.schemes.step_size import SCHEMES, trusted_step, usual_step
+from rattle.montecarlo.schemes.step_size import SCHEMES, usual_step
 from rattle.montecarlo.schemes.step_state import MOST_IN_A_STEP
 from rattle.montecarlo.settings import DEFAULT_STEPS, is_random, noise_free_path
+from rattle.montecarlo.statistics.section_statistics import SectionColumns, ratio_or_zero
 from rattle.scene import Floats, Scene, section_names
 
 UNSEEN_ERROR = 0.1
@@ -34,7 +34,7 @@ COLLAPSE = math.exp(-math.pi / math.sqrt(3.0))
 Bray 1998)."""
 
 
-def motion_units(columns: Mapping[str, NDArray[Any]], scene: Scene) -> dict[str, Floats]:
+def motion_units(columns: SectionColumns, scene: Scene) -> dict[str, Floats]:
     """Unit of each section quantity's errors: its sd, or 1 % of flight time, half gap or speed
     where that is more.
 
@@ -70,20 +70,14 @@ def orbit_shift(run: Any) -> tuple[float, str]:
     shifts = np.zeros((plan.impacts, 1 + len(quantities)))
     if SCHEMES[plan.scheme].detects_at_end:
         late = 0.5 * plan.dt * np.arange(1, plan.impacts + 1)
-        shifts[:, 0] = np.nan_to_num(_share(late, unit["tau"]))
-    for i, q in enumerate(quantities):
-        shift = _share(abs(coarse[:, i] - fine[:, i]), unit[q]) * STEP_RATIO / (STEP_RATIO - 1)
-        shifts[shared, 1 + i] = np.nan_to_num(shift[shared])
+        shifts[:, 0] = np.nan_to_num(ratio_or_zero(late, unit["tau"]))
+    units = np.column_stack([unit[q] for q in quantities])
+    shift = ratio_or_zero(abs(coarse - fine)[:, :-1], units) * STEP_RATIO / (STEP_RATIO - 1)
+    shifts[shared, 1:] = np.nan_to_num(shift[shared])
     if not shifts.any():
         return 0.0, "nothing moves"
     worst, column = np.unravel_index(shifts.argmax(), shifts.shape)
     return float(shifts.max()), f"{('tau', *quantities)[column]} at impact {worst + 1}"
-
-
-def _share(of: NDArray[np.floating[Any]], unit: Floats) -> Floats:
-    """A change in its unit; 0 where the unit is zero, that is, where nothing moves."""
-    share: Floats = np.divide(of, unit, out=np.zeros_like(unit), where=unit != 0.0)
-    return share
 
 
 def diagnose(run: Any) -> tuple[str, ...]:
@@ -132,7 +126,7 @@ def _of_step(run: Any) -> Iterator[str]:
     if run.plan.levels > 1:
         yield _of_measured_bias(run)
         return
-    limit, why = trusted_step(scene, scheme)
+    limit, why = SCHEMES[scheme].trusted_step(scene)
     if run.plan.dt > limit:
         remedy = (
             f"dt = {limit:.2g} would do" if limit * DEFAULT_STEPS > 1.0 else f"take {WITHOUT_BIAS}"
@@ -157,7 +151,7 @@ def _of_measured_bias(run: Any) -> str:
     )
     bias = steps["bias"].abs().to_numpy(float)
     error = np.nan_to_num(steps["se_bias"].to_numpy(float))
-    shares = np.where(bias > 3.0 * error, _share(np.nan_to_num(bias), scale), 0.0)
+    shares = np.where(bias > 3.0 * error, ratio_or_zero(np.nan_to_num(bias), scale), 0.0)
     share = float(shares.max())
     worst = steps.iloc[int(shares.argmax())]
     if share <= BIAS_TOLERANCE:

@@ -6,12 +6,14 @@ sees it.  Where they spread less, all paths are detected at the same few ends of
 a saw-tooth of the step, which no three step sizes tell from a small one.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from rattle.montecarlo.kernel.block import Plan
 from rattle.montecarlo.schemes.step_size import COARSEST, SCHEMES
 from rattle.montecarlo.settings import exact_orbit, noise_free_path
-from rattle.scene import Bools, Floats
+from rattle.scene import Floats
 
 # sd of impact times, in steps, above which lateness is smooth: a normal distribution of this sd
 # leaves exp(-2 pi^2 / 4), less than 1 % of the saw-tooth
@@ -30,14 +32,9 @@ def find_lateness(plan: Plan, sd_tau: Floats) -> Floats:
 
     Shapes: `sd_tau` (impacts,); result (impacts, quantities).
     """
-    late = np.zeros((plan.impacts, 2 + 2 * plan.scene.stages))
-    rough = _is_rough(plan, sd_tau)
-    if not SCHEMES[plan.scheme].detects_at_end or not rough.any():
-        return late
-    exact = exact_orbit(plan)
-    for share in STEPS_TRIED:
-        late[rough] = np.maximum(late, np.abs(_noise_free_error(plan, share, exact)))[rough]
-    return late
+    late = SCHEMES[plan.scheme].detects_at_end
+    errors = _find_errors(plan, sd_tau, STEPS_TRIED if late else ())
+    return np.asarray(np.fmax.reduce(np.abs(errors), initial=0.0))
 
 
 def find_kinks(plan: Plan, sd_tau: Floats) -> Floats:
@@ -50,24 +47,27 @@ def find_kinks(plan: Plan, sd_tau: Floats) -> Floats:
 
     Shapes: `sd_tau` (impacts,); result (impacts, quantities).
     """
-    rough = _is_rough(plan, sd_tau)
     scheme = SCHEMES[plan.scheme]
-    error = np.full((plan.impacts, 2 + 2 * plan.scene.stages), np.nan)
-    if scheme.has_step_bias and not scheme.detects_at_end and rough.any():
-        error[rough] = _noise_free_error(plan, 1.0, exact_orbit(plan))[rough]
-    return error
+    located = scheme.has_step_bias and not scheme.detects_at_end
+    errors = _find_errors(plan, sd_tau, (1.0,) if located else ())
+    return np.asarray(np.fmax.reduce(errors, initial=np.nan))
 
 
-def _is_rough(plan: Plan, sd_tau: Floats) -> Bools:
-    """Whether the times of each impact spread over less than the steps: an impact keeps what those
-    before it were off by."""
-    return np.minimum.accumulate(sd_tau) < SMOOTH_SPREAD * COARSEST * plan.dt
+def _find_errors(plan: Plan, sd_tau: Floats, shares: Sequence[float]) -> Floats:
+    """What paths without noise, at shares of the step of a plan, are off the exact orbit: infinite
+    from where one strikes another flank, NaN where noise smooths it.
 
-
-def _noise_free_error(plan: Plan, share: float, exact: Floats) -> Floats:
-    """What a path without noise, at a share of the step of a plan, is off the exact orbit; infinite
-    from where it strikes another flank."""
-    path = noise_free_path(plan, plan.scheme, share * plan.dt)
-    error = (path - exact)[:, :-1]
-    error[np.logical_or.accumulate(path[:, -1] != exact[:, -1])] = np.inf
-    return error
+    Times of an impact that spread over less than the steps are not smooth, and it keeps what those
+    before it were off by.  Shapes: result (shares, impacts, quantities).
+    """
+    errors = np.full((len(shares), plan.impacts, 2 + 2 * plan.scene.stages), np.nan)
+    rough = np.minimum.accumulate(sd_tau) < SMOOTH_SPREAD * COARSEST * plan.dt
+    if not len(shares) or not rough.any():
+        return errors
+    exact = exact_orbit(plan)
+    for error, share in zip(errors, shares, strict=True):
+        path = noise_free_path(plan, plan.scheme, share * plan.dt)
+        off = (path - exact)[:, :-1]
+        off[np.logical_or.accumulate(path[:, -1] != exact[:, -1])] = np.inf
+        error[rough] = off[rough]
+    return errors

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from rattle.montecarlo.diagnostics.accuracy import skewness_gain, smallest_sd
+from rattle.montecarlo.diagnostics.accuracy import skewness_gains, smallest_sd
 from rattle.montecarlo.diagnostics.unseen import unseen
 from rattle.montecarlo.settings import is_random
 from rattle.montecarlo.statistics.intervals import ABSOLUTE, FEWEST_FOR_SD
-from rattle.montecarlo.statistics.section_statistics import quantities_in
+from rattle.montecarlo.statistics.section_statistics import SectionColumns, quantities_in
 from rattle.scene import Floats, Scene
 from rattle.scene.table_entries import pick
 
@@ -116,17 +116,12 @@ def _number(columns: Mapping[str, Any], quantity: "pd.Series") -> NDArray[np.int
     return np.asarray(pd.Index(quantities_in(columns)).get_indexer(pd.Index(quantity)))
 
 
-def _find_lean(columns: Mapping[str, NDArray[Any]], steps: "pd.DataFrame") -> Floats:
-    """Skewness of what is averaged in each row of a table over sqrt(n), as `skewness_gain` has it.
+def _find_lean(columns: SectionColumns, steps: "pd.DataFrame") -> Floats:
+    """Skewness of what is averaged in each row of a table over sqrt(n), as `skewness_gains` has it.
 
     Shapes: result (rows,).
     """
-    gains = np.array(
-        [
-            [skewness_gain(columns, q, of_sd, 1.0) for q in quantities_in(columns)]
-            for of_sd in (False, True)
-        ]
-    )
+    gains = skewness_gains(columns, 1.0)
     at = _number(columns, steps["quantity"]), steps["impact"].to_numpy() - 1
     # of z = 1 the gain is lean (2 + 1) / 6
     return np.asarray(2.0 * gains[(steps["moment"] == "sd").to_numpy(int), *at])

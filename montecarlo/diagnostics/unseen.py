@@ -1,16 +1,19 @@
 """What a sample cannot have seen: how far branches with few or no sampled paths could move its
 means and sds."""
 
-from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rattle.montecarlo.branches.search import SMALLEST, RareEvents, search_of
 from rattle.montecarlo.kernel.mixture import BranchMixture
 from rattle.montecarlo.settings import is_random
-from rattle.montecarlo.statistics.section_statistics import quantity_at, stack_section
+from rattle.montecarlo.statistics.section_statistics import (
+    SectionColumns,
+    quantity_at,
+    stack_section,
+)
 from rattle.scene import Floats, Scene
 
 SEEN = 10.0
@@ -50,7 +53,7 @@ PARTS = ("", "sd_", "share_", "paths_")
 MATTERS = 0.1
 
 
-def unseen(scene: Scene, columns: Mapping[str, NDArray[Any]], paths: int) -> Unseen:
+def unseen(scene: Scene, columns: SectionColumns, paths: int) -> Unseen:
     """Bound what branches with fewer than `SEEN` expected paths could change.
 
     A run that samples rare branches has it among its columns already.
@@ -75,7 +78,7 @@ def unseen_columns(hidden: Unseen) -> dict[str, Floats]:
 
 def find_unseen(
     scene: Scene,
-    columns: Mapping[str, NDArray[Any]],
+    columns: SectionColumns,
     paths: int,
     mixture: BranchMixture | None = None,
     dt: float = 1.0,
@@ -99,10 +102,7 @@ def find_unseen(
     often = often[rare]
     probability = found.probabilities[rare]
     mean, square, _ = added[:, rare]
-    up = np.maximum(mean, 0.0).sum(axis=0)
-    down = np.maximum(-mean, 0.0).sum(axis=0)
-    more = np.maximum(square, 0.0).sum(axis=0)
-    less = np.maximum(-square, 0.0).sum(axis=0)
+    up, down, more, less = np.maximum([mean, -mean, square, -square], 0.0).sum(axis=1)
     influence = np.abs(square)
     largest = influence.max(axis=0, initial=0.0)
     counts = (influence > 0.0) & (influence >= MATTERS * largest)
@@ -156,7 +156,7 @@ class Added(NamedTuple):
 
 def branches_between(
     scene: Scene,
-    columns: Mapping[str, NDArray[Any]],
+    columns: SectionColumns,
     fewer: int,
     more: int,
     mixture: BranchMixture | None = None,
@@ -172,15 +172,14 @@ def branches_between(
         return Added(nil, nil, nil, np.zeros(0))
     found = _branches(scene, impacts, more, mixture, dt)
     boosts = _boosts(found, mixture)
-    between = (found.probabilities * boosts >= SEEN / more) & (
-        found.probabilities * boosts < SEEN / fewer
-    )
+    often = found.probabilities * boosts
+    between = (often >= SEEN / more) & (often < SEEN / fewer)
     added = np.maximum(found.additions[1:, between], 0.0)
     noise, fourth = (added / boosts[between, None, None]).sum(axis=1)
     return Added(added[0].sum(axis=0), noise, fourth, found.probabilities[between])
 
 
-def _range(scene: Scene, columns: Mapping[str, NDArray[Any]]) -> Floats:
+def _range(scene: Scene, columns: SectionColumns) -> Floats:
     """Largest deviation of each quantity that the motion as a whole suggests."""
     size = np.abs(stack_section(columns))
     size[0] = size[1]  # of times, that of a flight

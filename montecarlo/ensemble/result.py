@@ -271,7 +271,7 @@ class Ensemble(SectionResult):
         covariance = self.covariance
         for wheel in range(1, wheels + 1):
             j = 2 * wheel - 1
-            with np.errstate(invalid="ignore", divide="ignore"):
+            with statistics.undefined():
                 scale = np.sqrt(covariance[:, j, j]) * np.sqrt(covariance[:, j + 1, j + 1])
                 # rounding of few paths can pass 1
                 rho = np.clip(covariance[:, j, j + 1] / scale, -1.0, 1.0)

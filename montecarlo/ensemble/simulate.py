@@ -8,13 +8,13 @@ from dataclasses import replace
 import numpy as np
 
 from rattle.montecarlo.ensemble.result import Ensemble
-from rattle.montecarlo.kernel.block import BLOCK, BlockResult, Plan
+from rattle.montecarlo.kernel.block import BLOCK, Plan, Reduced
 from rattle.montecarlo.kernel.blocks import Blocks, in_threads
 from rattle.montecarlo.schemes.step_size import COARSEST, SCHEMES, default_step, is_admissible
 from rattle.montecarlo.seed import Rng, read_seed
 from rattle.montecarlo.settings import Record, Sampling, count_followed, plan_of
 from rattle.montecarlo.statistics.records import Batches, Histograms
-from rattle.scene import Floats, InputError, Scene, check_scene, choice
+from rattle.scene import InputError, Scene, check_scene, choice
 from rattle.scene.numpy_errors import numpy_defaults
 from rattle.scene.progress import ProgressBar
 
@@ -103,7 +103,7 @@ def simulate(
 def _gather(
     plan: Plan,
     paths: int,
-    results: Iterator[tuple[BlockResult, Floats | None]],
+    results: Iterator[Reduced],
     record: Record,
     progress: str | None,
     begun: Ensemble | None = None,

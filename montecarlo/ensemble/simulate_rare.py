@@ -21,9 +21,7 @@ CHOOSING_PATHS = 32 * BLOCK  # plain paths from which branches are chosen
 RARE_KEY = 0x7A5  # spawn key of the random numbers of a run that samples rare branches
 
 
-def begin_rare(
-    run: Ensemble, paths: int, blocks: Blocks, progress: str | None = None
-) -> Ensemble | None:
+def begin_rare(run: Ensemble, paths: int, blocks: Blocks) -> Ensemble | None:
     """A run that samples on purpose the rare branches that matter to a plain run; None where none
     is worth it."""
     mixture = choose_mixture(run)
@@ -32,7 +30,7 @@ def begin_rare(
     seed = child_seed(run.seed, RARE_KEY)
     plan = run.plan._replace(mixture=mixture, seed=seed, control=no_control(), keep=False, paths=0)
     batches = None if run.batches is None else Batches.empty(run.impacts, 2 + 2 * run.scene.stages)
-    return extend_rare(replace(run, plan=plan, paths=0, batches=batches), paths, blocks, progress)
+    return extend_rare(replace(run, plan=plan, paths=0, batches=batches), paths, blocks)
 
 
 def extend_rare(run: Ensemble, paths: int, blocks: Blocks, progress: str | None = None) -> Ensemble:

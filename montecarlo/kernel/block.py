@@ -5,6 +5,7 @@ import threading
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import partial
+from itertools import combinations_with_replacement
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -19,7 +20,7 @@ from rattle.montecarlo.schemes.control_variate import LinearPath, no_control
 from rattle.montecarlo.schemes.lanes import Lanes, Room, lanes_of
 from rattle.montecarlo.schemes.step_size import SCHEMES
 from rattle.montecarlo.statistics.central_sums import VARIANCE, CentralSums, columns_of
-from rattle.montecarlo.statistics.section_statistics import PAIR, Orders
+from rattle.montecarlo.statistics.section_statistics import PAIR, Pairs
 from rattle.montecarlo.statistics.weighted_sums import WeightedSums
 from rattle.scene import Constants, Floats, Ints, Scene
 from rattle.scene.compiled import jit, lean
@@ -40,15 +41,15 @@ def kept_places(wheels: int) -> tuple[int, ...]:
     return (0, *range(2, 2 + 2 * wheels))
 
 
-def section_pairs(wheels: int) -> tuple[tuple[int, int], ...]:
+def section_pairs(wheels: int) -> Pairs:
     """Pairs of section quantities whose covariance is kept."""
     places = kept_places(wheels)
     return tuple((places[i], places[j]) for i in range(len(places)) for j in range(i))
 
 
-def state_pairs(wheels: int) -> tuple[tuple[int, int], ...]:
+def state_pairs(wheels: int) -> Pairs:
     """Pairs of states whose covariance at fixed times is kept."""
-    return tuple((i, j) for i in range(2 * wheels) for j in range(i, 2 * wheels))
+    return tuple(combinations_with_replacement(range(2 * wheels), 2))
 
 
 def impact_codes(wheels: int) -> tuple[int, ...]:
@@ -200,6 +201,11 @@ def sample(plan: Plan, block: int, reuse: bool = False) -> Raw:
     return Raw(rows, fixed, controls, int(work), int(sticking), int(unfinished))
 
 
+def _merge_each(sums: dict[str, Any], others: dict[str, Any]) -> dict[str, Any]:
+    """Sums of each name over two sets of paths together."""
+    return {name: own.merge(others[name]) for name, own in sums.items()}
+
+
 @dataclass(frozen=True)
 class Followers:
     """Sums over the paths that have followed an itinerary so far, and how the others left it."""
@@ -214,7 +220,7 @@ class Followers:
         """Both sets of paths together."""
         left = self.left + other.left
         left[2] = np.maximum(self.left[2], other.left[2])
-        return Followers({name: s.merge(other.sums[name]) for name, s in self.sums.items()}, left)
+        return Followers(_merge_each(self.sums, other.sums), left)
 
 
 @dataclass(frozen=True, repr=False)
@@ -239,55 +245,37 @@ class BlockResult:
     def merge(self, other: "BlockResult") -> "BlockResult":
         """Both blocks together."""
         return BlockResult(
-            {name: s.merge(other.sums[name]) for name, s in self.sums.items()},
+            _merge_each(self.sums, other.sums),
             self.codes + other.codes,
             {name: count + other.agreeing[name] for name, count in self.agreeing.items()},
             self.path_steps + other.path_steps,
             self.sticking_steps + other.sticking_steps,
             self.unfinished + other.unfinished,
-            {name: f.merge(other.followers[name]) for name, f in self.followers.items()},
+            _merge_each(self.followers, other.followers),
         )
-
-
-def _pairs(
-    groups: int,
-    values: Floats,
-    pairs: Sequence[tuple[int, int]],
-    orders: Orders,
-    other: Floats | None = None,
-) -> CentralSums:
-    """Sums over pairs of variables of (groups * variables, paths), the second of each pair from
-    `other` if given."""
-    base = len(values) // groups * np.arange(groups)[:, None]
-    cells = np.ascontiguousarray((base + np.array(pairs).T[:, None]).reshape(2, -1))
-    return CentralSums.of_columns(
-        values, values if other is None else other, cells, orders, (groups, len(pairs))
-    )
-
-
-JOINT = ("section", "section_pairs", "fine_coarse", "coarse_coarser")
-"""Names of the sums over the section quantities."""
 
 
 def _section_sums(wheels: int, impacts: int, levels: list[Floats]) -> dict[str, Any]:
     """Sums over the section quantities, shape (impacts * columns, paths) at each step size."""
     quantities = 2 + 2 * wheels
     own = [(i, i) for i in range(quantities)]
-    sums = list(CentralSums.of_groups(levels[0], impacts, quantities, section_pairs(wheels)))
+    section, pairs = CentralSums.of_groups(levels[0], impacts, quantities, section_pairs(wheels))
+    sums = {"section": section, "section_pairs": pairs}
     if len(levels) > 1:
-        sums.append(_pairs(impacts, levels[0], own, PAIR, levels[1]))
-        sums.append(_pairs(impacts, levels[1], own, ((0, 2),), levels[2]))
-    return dict(zip(JOINT, sums, strict=False))
+        fine, coarse, coarser = levels
+        sums["fine_coarse"] = CentralSums.of_pairs(impacts, fine, own, PAIR, coarse)
+        sums["coarse_coarser"] = CentralSums.of_pairs(impacts, coarse, own, ((0, 2),), coarser)
+    return sums
 
 
 def _plain_sums(plan: Plan, raw: Raw, rows: list[Floats]) -> dict[str, Any]:
-    """Sums over the plain paths of a block.
+    """Sums over the plain paths of a block, beside those over the section quantities.
 
     Shapes: `rows` (impacts * COLUMNS, paths) at each step size.
     """
     wheels = plan.scene.stages
-    section = partial(_pairs, plan.impacts)
-    sums = _section_sums(wheels, plan.impacts, rows)
+    section = partial(CentralSums.of_pairs, plan.impacts)
+    sums: dict[str, Any] = {}
     if plan.energy:
         losses = energy_losses(plan.scene.constants, raw.rows[0])
         sums["energy"] = section(columns_of(losses), [(0, 0)], VARIANCE)
@@ -295,7 +283,7 @@ def _plain_sums(plan: Plan, raw: Raw, rows: list[Floats]) -> dict[str, Any]:
         own = [(i, i) for i in range(2 + 2 * wheels)]
         sums["control"] = section(rows[0], own, PAIR, columns_of(raw.controls))
     if plan.fixed_steps.size:
-        times = partial(_pairs, plan.fixed_steps.size)
+        times = partial(CentralSums.of_pairs, plan.fixed_steps.size)
         sums["fixed"] = times(columns_of(raw.fixed[0]), state_pairs(wheels), PAIR)
         if plan.levels > 1:
             gaps = [(2 * i, 2 * i + 1) for i in range(wheels)]
@@ -331,18 +319,20 @@ def sample_mixture(
     return raw.rows[0], weights, raw.controls[:, :, 1:], raw
 
 
-def run(plan: Plan, block: int) -> tuple[BlockResult, Floats | None]:
-    """Run a block and reduce it.
+Reduced = tuple[BlockResult, Floats | None]
+"""The result of a block, and its impacts if they are kept; (paths, impacts, columns)."""
 
-    Shapes: `rows` (paths, impacts, columns), or None.
-    """
+
+def run(plan: Plan, block: int) -> Reduced:
+    """Run a block and reduce it."""
     mixture = plan.mixture
     followers = {}
     if mixture is None:
         raw = sample(plan, block, reuse=True)
         weights = np.ones(raw.rows.shape[1:3])
         columns = [columns_of(level) for level in raw.rows]
-        sums = _plain_sums(plan, raw, columns)
+        section = _section_sums(plan.scene.stages, plan.impacts, columns)
+        sums = section | _plain_sums(plan, raw, columns)
     else:
         rows, weights, _, raw = sample_mixture(plan, mixture, block)
         sums = {"weighted": _weighted_sums(plan, mixture, rows, weights)}
@@ -356,7 +346,7 @@ def run(plan: Plan, block: int) -> tuple[BlockResult, Floats | None]:
         if name not in plan.apart:
             continue
         if mixture is None:
-            apart = _follower_sums(plan, itinerary, raw.rows, columns, stays, sums)
+            apart = _follower_sums(plan, itinerary, raw.rows, columns, stays, section)
         else:
             kept = np.where(np.arange(plan.impacts) < stays[:, None], weights, 0.0)
             apart = {"weighted": _weighted_sums(plan, mixture, first, kept)}
@@ -376,15 +366,15 @@ def _follower_sums(
     itinerary: Sequence[int],
     rows: Floats,
     columns: list[Floats],
-    stays: Floats,
-    sums: dict[str, Any],
+    stays: Ints,
+    section: dict[str, Any],
 ) -> dict[str, Any]:
-    """Sums over the paths of a block that follow an itinerary; those over all, `sums`, where none
-    leaves it."""
+    """Sums over the paths of a block that follow an itinerary; those over all, `section`, where
+    none leaves it."""
     ones = np.ones(rows.shape[1:3])
     stays_of = [stays, *(follow_itinerary(level, ones, itinerary)[1] for level in rows[1:])]
     if np.min(stays_of) == plan.impacts:
-        return {name: sums[name] for name in JOINT if name in sums}
+        return section
     kept = []
     for cells, stay in zip(columns, stays_of, strict=True):
         cells = cells.copy().reshape(plan.impacts, -1, cells.shape[1])
@@ -393,25 +383,17 @@ def _follower_sums(
     return _section_sums(plan.scene.stages, plan.impacts, kept)
 
 
+@jit
 def energy_losses(c: Constants, rows: Floats) -> Floats:
     """Energy loss of each impact of each path, shape (paths, impacts, 1); NaN where there was
     none."""
     losses = np.full((*rows.shape[:2], 1), np.nan)
-    for mesh in range(1, c.wheels.size + 1):
-        here = np.abs(rows[..., -1:]) == mesh
-        y = rows[..., 2 * mesh + 1 : 2 * mesh + 2]
-        constant = c.wheels[mesh - 1].slowing == 0.0
-        loss = energy_loss(c, mesh, y) if constant else _falling_losses(c, mesh, y)
-        losses = np.where(here, loss, losses)
-    return losses
-
-
-@jit
-def _falling_losses(c: Constants, mesh: int, y: Floats) -> Floats:
-    """`energy_loss` of each rate, where restitution depends on it."""
-    losses = np.empty(y.shape)
-    for at, rate in np.ndenumerate(y):
-        losses[at] = energy_loss(c, mesh, rate)
+    for p in range(rows.shape[0]):
+        for k in range(rows.shape[1]):
+            code = abs(rows[p, k, rows.shape[2] - 1])
+            if code > 0.0:
+                mesh = int(code)
+                losses[p, k, 0] = energy_loss(c, mesh, rows[p, k, 2 * mesh + 1])
     return losses
 
 
@@ -432,46 +414,26 @@ def _count_codes(rows: Floats, weights: Floats, of_codes: Ints, codes: Floats) -
 
 def follow_itinerary(
     rows: Floats, weights: Floats, itinerary: Sequence[int], left: Floats | None = None
-) -> tuple[Floats, Floats, Floats]:
+) -> tuple[Floats, Ints, Floats]:
     """The weight that has followed an itinerary up to each impact, up to which impact each path
     has, and what its next impact was: `Followers.left`, added to that of other paths if given.
 
     Shapes: `rows` (paths, impacts, columns); `weights` (paths, impacts); result (impacts,),
     (paths,), (3, impacts, codes).
     """
-    paths, impacts = weights.shape
-    agreeing = np.zeros(impacts)
-    stays = np.zeros(paths)
+    impacts = weights.shape[1]
     of_codes = np.array(impact_codes((rows.shape[2] - 3) // 2))
     left = np.zeros((3, impacts, of_codes.size)) if left is None else left
-    followed = np.array(itinerary, dtype=float)
-    _follow(rows, weights, followed, of_codes, agreeing, stays, left)
+    codes = rows[:, :, -1]
+    follows = np.logical_and.accumulate(codes == np.array(itinerary), axis=1)
+    agreeing = np.add.accumulate(np.where(follows, weights, 0.0))[-1]
+    stays = follows.sum(axis=1)
+    (leaving,) = np.nonzero(np.append(itinerary, 0)[stays])
+    path, code = np.nonzero(codes[leaving, stays[leaving], None] == of_codes)
+    leaving = leaving[path]
+    w = weights[leaving, stays[leaving]]
+    exits = stays[leaving], code
+    np.add.at(left[0], exits, w)
+    np.add.at(left[1], exits, w * w)
+    np.maximum.at(left[2], exits, w)
     return agreeing, stays, left
-
-
-@lean
-def _follow(
-    rows: Floats,
-    weights: Floats,
-    itinerary: Floats,
-    of_codes: Ints,
-    agreeing: Floats,
-    stays: Floats,
-    left: Floats,
-) -> None:
-    """Add the paths of a block to `agreeing`, `stays` and `left`, see `follow_itinerary`."""
-    paths, impacts = rows.shape[:2]
-    last = rows.shape[2] - 1
-    for p in range(paths):
-        k = 0
-        while k < impacts and rows[p, k, last] == itinerary[k]:
-            agreeing[k] += weights[p, k]
-            k += 1
-        stays[p] = k
-        if k < impacts and itinerary[k] != 0.0:
-            w = weights[p, k]
-            for i in range(of_codes.size):
-                if rows[p, k, last] == of_codes[i]:
-                    left[0, k, i] += w
-                    left[1, k, i] += w * w
-                    left[2, k, i] = max(left[2, k, i], w)

@@ -11,15 +11,14 @@ from contextlib import contextmanager
 from itertools import islice
 from typing import Any
 
-from rattle.montecarlo.kernel.block import BlockResult, Plan, run
-from rattle.scene import Floats
+from rattle.montecarlo.kernel.block import Plan, Reduced, run
 from rattle.scene.errors import BudgetEnded
 from rattle.scene.progress import compiler
 
 HOUR = 3600.0
 """Seconds that an accuracy may take where no budget is given."""
 
-Blocks = Callable[[Plan, int], Iterator[tuple[BlockResult, Floats | None]]]
+Blocks = Callable[[Plan, int], Iterator[Reduced]]
 """Runs the blocks of a plan from one on, and gives their results in block order; may end before the
 last."""
 
@@ -27,7 +26,7 @@ last."""
 def in_threads(workers: int) -> Blocks:
     """Run blocks on threads of this process."""
 
-    def blocks(plan: Plan, first: int) -> Iterator[tuple[BlockResult, Floats | None]]:
+    def blocks(plan: Plan, first: int) -> Iterator[Reduced]:
         with ThreadPoolExecutor(workers) as pool:
             yield from in_tasks(pool.submit, workers)(plan, first)
 
@@ -38,7 +37,7 @@ def in_tasks(submit: Callable[..., Future[Any]], workers: int, share: int = 1) -
     """Run blocks in tasks of `share` blocks on workers that other runs may share; `submit` hands
     them a call."""
 
-    def blocks(plan: Plan, first: int) -> Iterator[tuple[BlockResult, Floats | None]]:
+    def blocks(plan: Plan, first: int) -> Iterator[Reduced]:
         starts = iter(range(first, plan.blocks, share))
 
         def start_task(start: int) -> Future[Any]:
@@ -56,7 +55,7 @@ def in_tasks(submit: Callable[..., Future[Any]], workers: int, share: int = 1) -
     return blocks
 
 
-def run_blocks(plan: Plan, first: int, end: int) -> list[tuple[BlockResult, Floats | None]]:
+def run_blocks(plan: Plan, first: int, end: int) -> list[Reduced]:
     """On a worker: the results of blocks `first` to `end`, one each, so that they can be merged in
     order."""
     return [run(plan, n) for n in range(first, end)]
@@ -89,28 +88,22 @@ class Budget:
         yield
         self.ends += clock() - began
 
-    def limit(self, blocks: Blocks) -> Blocks:
+    def limit(self, blocks: Blocks, required: bool = False) -> Blocks:
         """The same blocks, but none is started after the budget is spent.
 
-        The first block is run in any case, and no block is interrupted.
+        The first block is run in any case, and no block is interrupted.  `required`: Raise
+        `BudgetEnded` in place of blocks that are left out, so that nothing unfinished is taken for
+        a result.
         """
 
-        def until_spent(plan: Plan, first: int) -> Iterator[tuple[BlockResult, Floats | None]]:
-            for result in blocks(plan, first):
-                yield result
-                if self.remaining <= 0.0:
-                    return
-
-        return until_spent
-
-    def require(self, blocks: Blocks) -> Blocks:
-        """The same blocks, but `BudgetEnded` is raised in place of those that the budget does not
-        allow, so that nothing unfinished is taken for a result."""
-
-        def all_or_none(plan: Plan, first: int) -> Iterator[tuple[BlockResult, Floats | None]]:
+        def until_spent(plan: Plan, first: int) -> Iterator[Reduced]:
             for number, result in enumerate(blocks(plan, first), start=first + 1):
                 yield result
-                if self.remaining <= 0.0 and number < plan.blocks:
+                if self.remaining > 0.0:
+                    continue
+                if not required:
+                    return
+                if number < plan.blocks:
                     raise BudgetEnded
 
-        return all_or_none
+        return until_spent

@@ -142,11 +142,11 @@ def finish_inside(
             break
         for i in range(states):
             scratch.walls[i] = lanes.walls[i, p]
-        closed, above = find_sticking(job.c, at, scratch, job.quiet)
+        above = find_sticking(job.c, at, scratch, job.quiet)
         if met > most:
             close_only(forced, scratch)
-            closed = True
             above = 0.0
+        closed = above >= 0.0
         inside = Inside(job.c, job.key, room.path[p], step, level, known, closed, scratch)
         left = at.left
         at, phase = advance(inside, met, at, phase)
@@ -154,14 +154,16 @@ def finish_inside(
         if closed:
             add_closed(room.closed, p, scratch, left - at.left, above)
             sticking = True
-        if at.code != 0 and met == most:
-            forced = at.code
-            at = Progress(0, at.tau, at.left, at.noise)
-        elif at.code != 0 and met > most:
+        if at.code == 0:
+            continue
+        if met > most:
             close_only(at.code, scratch)
             at = stick_to_end(job.c, at, scratch)
             sticking = True
-        elif at.code != 0:
+            continue
+        if met == most:
+            forced = at.code
+        else:
             record(job, level, p, at.code, at.tau, lanes, room, scratch, out)
             mesh = abs(at.code)
             epsilon = job.c.wheels[mesh - 1].epsilon
@@ -170,7 +172,7 @@ def finish_inside(
                 path = room.path[p]
                 epsilon = draw_restitution(job.restitution, job.key, path, impact, mesh)
             rebound(job.c, mesh, epsilon, scratch.state)
-            at = Progress(0, at.tau, at.left, at.noise)
+        at = Progress(0, at.tau, at.left, at.noise)
     for i in range(states):
         lanes.state[i, p] = scratch.state[i]
     return sticking
@@ -312,25 +314,8 @@ def block_kernel(scheme: Scheme, wheels: int = 0) -> Callable[..., tuple[int, in
         buffers = room.scratch
         scratch = Scratch(
             wheels if wheels > 0 else buffers.wheels,
-            wheels == 0,
             wheels == 0 and buffers.shaken,
-            buffers.state,
-            buffers.whole,
-            buffers.end,
-            buffers.walls,
-            buffers.series,
-            buffers.ahead,
-            buffers.sides,
-            buffers.unfollowed,
-            buffers.forcing,
-            buffers.speeds,
-            buffers.bodies,
-            buffers.choices,
-            buffers.wheels_beside,
-            buffers.beside,
-            buffers.intensity,
-            buffers.alone,
-            buffers.effects,
+            *buffers[2:],
         )
         put_all(scratch.choices[LEFT], 0)  # the constants may be others than before
         times = out.fixed_steps.size

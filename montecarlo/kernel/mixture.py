@@ -15,6 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from rattle.montecarlo.schemes.lanes import add_scaled
 from rattle.montecarlo.seed import child_seed
 from rattle.scene import Floats, Ints
 from rattle.scene.compiled import lean_internal, widest_vectors
@@ -109,6 +110,7 @@ def condition(mixture: BranchMixture, n: int, z: Floats, carried: Floats, lanes:
     vector, and along each unit vector the sum so far. Shapes: `z` (lanes,); `carried` (2 +
     branches, lanes).
     """
+    widest_vectors()
     for k in range(mixture.unit.shape[0]):
         u = mixture.unit[k, n]
         if u != 0.0:
@@ -116,7 +118,7 @@ def condition(mixture: BranchMixture, n: int, z: Floats, carried: Floats, lanes:
     for k in range(mixture.unit.shape[0]):  # after all parts have shifted their normals
         u = mixture.unit[k, n]
         if u != 0.0:
-            _add_along(z, u, carried[2 + k], lanes)
+            add_scaled(carried[2 + k], u, z, lanes)
 
 
 @lean_internal
@@ -137,14 +139,6 @@ def _condition_part(
         x = pull * ahead[p] + spread * z[p] if of_part else z[p]
         z[p] = x
         ahead[p] -= u * x if of_part else 0.0
-
-
-@lean_internal
-def _add_along(z: Floats, u: float, done: Floats, lanes: int) -> None:
-    """Add a step's normals to ``u z``; vectorises."""
-    widest_vectors()
-    for p in range(lanes):
-        done[p] += u * z[p]
 
 
 @lean_internal

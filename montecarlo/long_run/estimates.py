@@ -16,9 +16,9 @@ import numpy as np
 
 from rattle.montecarlo.long_run import sums as tally
 from rattle.montecarlo.long_run.noise_work import CONTROLS
-from rattle.montecarlo.long_run.sums import Collected
+from rattle.montecarlo.long_run.sums import Sums
 from rattle.montecarlo.statistics.intervals import Spread, half_width, spread
-from rattle.montecarlo.statistics.section_statistics import variance_of
+from rattle.montecarlo.statistics.section_statistics import undefined, variance_of
 from rattle.scene import Floats, InputError
 from rattle.scene.errors import LONGEST_QUOTE, nearest
 
@@ -92,7 +92,7 @@ def corrections(sums: Floats, controls: Floats) -> Floats:
     return np.asarray(slopes / np.where(scale > 0.0, scale, np.inf)[None, :, None])
 
 
-def control(c: Collected) -> Collected | None:
+def control(c: Sums) -> Sums | None:
     """Sums of the impacts of each path, less the part that the noise's own work explains.
 
     Returns: None where the controls do not hold or do not pay: there is no noise, a mesh was closed
@@ -139,6 +139,10 @@ class StationaryEstimate(NamedTuple):
         return self._replace(se=factor * self.se, low=low, high=high)
 
 
+Estimates = dict[str, StationaryEstimate]
+"""Estimates by the names of their quantities."""
+
+
 def _jackknife(sums: Floats, function: Callable[[Floats], Floats]) -> list[Spread]:
     """Functions of sums over paths, each with its spread over paths; NaN where a single path has
     all that one is of.
@@ -147,7 +151,7 @@ def _jackknife(sums: Floats, function: Callable[[Floats], Floats]) -> list[Sprea
     """
     total = sums.sum(axis=0)
     n = len(sums)
-    with np.errstate(invalid="ignore", divide="ignore"):
+    with undefined():
         whole = function(total[None])[:, 0].tolist()
         without = function(total - sums)
     without = np.where(np.isfinite(without), without, np.nan)
@@ -171,7 +175,7 @@ def _root(square: float, n: float) -> float:
 class _Maker:
     """Makes estimates from collected sums."""
 
-    def __init__(self, c: Collected) -> None:
+    def __init__(self, c: Sums) -> None:
         self.c = c
         self.main = c.main.sum(axis=1)
 
@@ -228,7 +232,7 @@ class _Maker:
         batches = self._batch_se(self.c.main[:, :, top], bottom)
         return self._make(mean, naive, batches, *range_of)
 
-    def impacts(self, g: int) -> dict[str, StationaryEstimate]:
+    def impacts(self, g: int) -> Estimates:
         """Rates and energies of the impacts of a group, and the share of slow ones."""
         at_number, at_energy, at_slow = (
             4 * g + column for column in (tally.NUMBER, tally.ENERGY, tally.SLOW)
@@ -277,7 +281,7 @@ class _Maker:
 
         def figures(s: Floats) -> Floats:
             """Mean, sd and skewness in units of the scale, and the root mean square."""
-            with np.errstate(invalid="ignore", divide="ignore"):
+            with undefined():
                 _, mean, second, third, *_ = (s / s[:, :1]).T
                 variance = np.maximum(second - mean**2, 0.0)
                 third = third - 3.0 * mean * second + 2.0 * mean * mean**2
@@ -341,7 +345,7 @@ def _central(raw: Floats, mean: float) -> Floats:
     )
 
 
-def estimates(c: Collected, names: tuple[str, ...] | None = None) -> dict[str, StationaryEstimate]:
+def estimates(c: Sums, names: tuple[str, ...] | None = None) -> Estimates:
     """All stationary quantities of a long run (dimensionless), or those that are wanted.
 
     Returns: ``rate_above`` (impacts per unit of time that are not slow) and ``speed_above``,
@@ -360,10 +364,10 @@ def estimates(c: Collected, names: tuple[str, ...] | None = None) -> dict[str, S
     }
 
 
-def _estimates(made: _Maker, names: tuple[str, ...] | None) -> dict[str, StationaryEstimate]:
+def _estimates(made: _Maker, names: tuple[str, ...] | None) -> Estimates:
     """Those quantities of a long run that are wanted, or all, from the sums of `made`."""
     c = made.c
-    out: dict[str, StationaryEstimate] = {}
+    out: Estimates = {}
     for g, suffix in groups(c.wheels):
         if made.main[:, 4 * g + tally.NUMBER].sum() == 0.0:
             continue

@@ -2,12 +2,13 @@
 
 import math
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 
 import numpy as np
 
 from rattle.montecarlo.kernel.blocks import HOUR, Budget, clock
 from rattle.montecarlo.long_run import sums as tally
-from rattle.montecarlo.long_run.sums import Collected, Scales, Sums
+from rattle.montecarlo.long_run.sums import Scales, Sums
 from rattle.montecarlo.long_run.walk import WALK_LANES, Walk
 from rattle.montecarlo.schemes.quiet import LEFT_OUT_SHARE
 from rattle.montecarlo.schemes.step_state import Quiet
@@ -28,6 +29,7 @@ IMPACT_SECONDS = 1.5e-6
 machine."""
 
 
+@dataclass
 class LongPaths:
     """All blocks of paths, and the batches that they are filling.
 
@@ -38,32 +40,25 @@ class LongPaths:
     measured last.
     """
 
-    def __init__(
-        self,
-        scene: Scene,
-        paths: int,
-        seed: np.random.SeedSequence,
-        slow: float,
-        quiet: Quiet,
-        limit: Budget,
-        pool: ThreadPoolExecutor,
-        bar: ProgressBar,
-    ) -> None:
-        lanes = min(WALK_LANES, -(-paths // LEAST_BLOCKS))
+    scene: Scene
+    paths: int
+    seed: np.random.SeedSequence
+    slow: float
+    quiet: Quiet
+    limit: Budget
+    pool: ThreadPoolExecutor
+    bar: ProgressBar
+    reserve: float = 0.0
+    periods: int = 0
+    pace: float = math.nan
+
+    def __post_init__(self) -> None:
+        lanes = min(WALK_LANES, -(-self.paths // LEAST_BLOCKS))
         self._walks = [
-            Walk(scene, seed, first, min(lanes, paths - first), quiet)
-            for first in range(0, paths, lanes)
+            Walk(self.scene, self.seed, first, min(lanes, self.paths - first), self.quiet)
+            for first in range(0, self.paths, lanes)
         ]
-        self._together = SHARING_PATHS if paths >= SHARED_FROM else 1
-        self.scene = scene
-        self.slow = slow
-        self.limit = limit
-        self.reserve = 0.0
-        self.sums: list[Sums] = []
-        self.periods = 0
-        self.pace = math.nan
-        self._pool = pool
-        self._bar = bar
+        self._together = SHARING_PATHS if self.paths >= SHARED_FROM else 1
         self.begin()
 
     def begin(self, scales: Scales | None = None) -> None:
@@ -110,7 +105,7 @@ class LongPaths:
 
     def expect(self, periods: float) -> None:
         """Have the bar say how many periods more are expected."""
-        self._bar.total = self.elapsed + math.ceil(periods)
+        self.bar.total = self.elapsed + math.ceil(periods)
 
     def _affordable(self) -> int:
         """Batches for which the budget has room; the first one in any case."""
@@ -126,11 +121,11 @@ class LongPaths:
             walk.follow(sums, periods, self.length, None if seen is None else own)
             return own
 
-        for own in self._pool.map(one, self._walks, self.sums):
+        for own in self.pool.map(one, self._walks, self.sums):
             if seen is not None:
                 seen += own
         self.periods += periods
-        self._bar.update(periods)
+        self.bar.update(periods)
 
     def _merge(self) -> None:
         for sums in self.sums:
@@ -178,7 +173,7 @@ class LongPaths:
         given."""
         return math.isinf(self.limit.seconds) and periods * self.nominal > HOUR
 
-    def collect(self) -> Collected:
+    def collect(self) -> Sums:
         """Everything that was summed."""
         return tally.collect(self.sums, self.periods // self.length, self.periods)
 

@@ -9,14 +9,14 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from rattle.montecarlo.long_run.estimates import StationaryEstimate, all_names, estimates
+from rattle.montecarlo.long_run.estimates import Estimates, all_names, estimates
 from rattle.montecarlo.long_run.sums import (
     ENERGY,
     LEFT_OUT,
     NUMBER,
     PHASES,
     VELOCITY_CELLS,
-    Collected,
+    Sums,
 )
 from rattle.scene import Floats, Scene, duration_text
 from rattle.scene.drive import PERIOD, mean_square
@@ -145,7 +145,7 @@ class LongRun:
     """Stationary quantities of an ensemble, from `rattle.montecarlo.long_run.long_run`."""
 
     scene: Scene
-    sums: Collected  # the sums of all paths
+    sums: Sums  # the sums of all paths
     burn_in: BurnIn
     reach: LongReach | None  # none where a number of periods was given
     late: Contrast  # first quarter against last half of the stationary motion
@@ -176,7 +176,7 @@ class LongRun:
         return self.scene.differs_by_set
 
     @cached_property
-    def estimates(self) -> dict[str, StationaryEstimate]:
+    def estimates(self) -> Estimates:
         """All quantities by name, in the order of the table."""
         known = estimates(self.sums)
         return {

@@ -16,7 +16,7 @@ import numpy as np
 from scipy.special import fdtri, stdtrit
 
 from rattle.montecarlo.kernel.blocks import HOUR, clock
-from rattle.montecarlo.long_run.estimates import StationaryEstimate, check_quantity, estimates
+from rattle.montecarlo.long_run.estimates import Estimates, check_quantity, estimates
 from rattle.montecarlo.long_run.paths import PATH_BATCHES, STATIONARY_PERIODS, LongPaths, warm_up
 from rattle.montecarlo.long_run.result import KEPT_APART, BurnIn, Contrast, LongReach, LongRun
 from rattle.montecarlo.long_run.scatter import error_share
@@ -31,7 +31,9 @@ from rattle.montecarlo.long_run.sums import (
 from rattle.montecarlo.long_run.walk import Walk
 from rattle.montecarlo.looks import begin_budget, grow
 from rattle.montecarlo.schemes.quiet import quiet_of
+from rattle.montecarlo.seed import Seed
 from rattle.montecarlo.settings import check_settings
+from rattle.montecarlo.statistics.section_statistics import undefined
 from rattle.scene import (
     Floats,
     InputError,
@@ -123,7 +125,7 @@ def drift(main: Floats, wheels: int, early: slice, late: slice) -> Contrast:
     n = len(main)
     mean = difference.mean(axis=0)
     se = difference.std(axis=0, ddof=1) / math.sqrt(n)
-    with np.errstate(invalid="ignore", divide="ignore"):
+    with undefined():
         z = np.where(se > 0.0, mean / se, np.where(mean == 0.0, 0.0, np.inf))
         share = mean / np.abs(b.mean(axis=0))
     allowed = float(stdtrit(n - 1, 1.0 - 0.5 * FALSE_TEST / z.size))
@@ -147,7 +149,7 @@ def apart(main: Floats, wheels: int, early: slice, late: slice) -> Contrast:
     within = parts.var(axis=1, ddof=1).mean(axis=0) / PARTS_OF_HALF
     between = after.var(axis=0, ddof=1)
     product = ((before - before.mean(axis=0)) * (after - after.mean(axis=0))).mean(axis=0)
-    with np.errstate(invalid="ignore", divide="ignore"):
+    with undefined():
         ratio = np.where(between > 1e-24, between / within, 0.0)
         r = np.where(between > 1e-24, product / (before.std(axis=0) * after.std(axis=0)), 0.0)
         remembered = (1.0 + r) / (1.0 - r)
@@ -313,7 +315,7 @@ def _gather(
     return None
 
 
-def _find_widest(asked: dict[str, StationaryEstimate]) -> tuple[float, str]:
+def _find_widest(asked: Estimates) -> tuple[float, str]:
     """Half width of the widest interval over its value, infinite where that is unknown; its
     quantity."""
     widths = {}
@@ -329,10 +331,6 @@ class ExpectedRun(NamedTuple):
 
     periods: int  # of burn-in, pilot run and stationary motion
     core_seconds: float
-
-    def lengthen(self, periods: int) -> float:
-        """Core-seconds with so many periods more."""
-        return self.core_seconds * (1.0 + periods / self.periods)
 
 
 def expect_run(
@@ -384,7 +382,7 @@ def check_long_run(
     burn_in: int | None = None,
     slow: float = 0.1,
     resolve: float | None = None,
-    rng: int | np.random.SeedSequence = 0,
+    rng: Seed = 0,
     workers: int = 1,
 ) -> None:
     """Refuse settings of `long_run` that cannot be run."""
@@ -417,7 +415,7 @@ def long_run(
     slow: float = 0.1,
     resolve: float | None = None,
     budget: float | None = None,
-    rng: int | np.random.SeedSequence = 0,
+    rng: Seed = 0,
     workers: int = 1,
     progress: str | None = None,
 ) -> LongRun:

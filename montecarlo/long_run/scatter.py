@@ -11,7 +11,8 @@ from typing import NamedTuple
 import numpy as np
 
 from rattle.montecarlo.long_run import sums as tally
-from rattle.montecarlo.long_run.sums import Collected
+from rattle.montecarlo.long_run.sums import Sums
+from rattle.montecarlo.statistics.section_statistics import ratio_or_zero
 from rattle.scene import Floats
 from rattle.scene.drive import PERIOD
 
@@ -71,11 +72,11 @@ def _draw_together(values: Floats, errors: Floats) -> Floats:
     mean = values.mean(axis=1, keepdims=True)
     total = values.var(axis=1, ddof=1, keepdims=True)
     alone = np.maximum(total - errors.mean(axis=1, keepdims=True), 0.0)
-    factor = np.sqrt(np.divide(alone, total, out=np.zeros_like(total), where=total > 0.0))
+    factor = np.sqrt(ratio_or_zero(alone, total))
     return np.asarray(mean + factor * (values - mean))
 
 
-def values_of_sets(c: Collected, quantity: str, group: int) -> SetValues | None:
+def values_of_sets(c: Sums, quantity: str, group: int) -> SetValues | None:
     """One of `SCATTERED` of every set in a group of impacts, 0 for all; None where it is not
     there."""
     length = c.main.shape[1] // PATH_PARTS
@@ -102,7 +103,7 @@ def values_of_sets(c: Collected, quantity: str, group: int) -> SetValues | None:
     return SetValues(value, rest.var(axis=1, ddof=1) / PATH_PARTS)
 
 
-def error_share(c: Collected) -> float:
+def error_share(c: Sums) -> float:
     """The largest share of errors in the variance between sets, over the quantities of all
     impacts."""
     known = (values_of_sets(c, quantity, 0) for quantity in SCATTERED)

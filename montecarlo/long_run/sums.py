@@ -7,7 +7,7 @@ impacts are the sum of those at the meshes.
 """
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -116,6 +116,32 @@ class Sums(NamedTuple):
     section: Counts
     together: int  # paths that share a unit: counts of fewer units stay in the cache of a core
     scales: Scales  # set by the pilot run
+    periods: int = 0  # of each path, of the sums of all paths together
+
+    @property
+    def wheels(self) -> int:
+        """Number of wheels."""
+        return self.scales.low.size
+
+    @property
+    def paths(self) -> int:
+        """Number of paths."""
+        return len(self.main)
+
+    @property
+    def time(self) -> float:
+        """Duration of each path."""
+        return PERIOD * self.periods
+
+    @property
+    def samples(self) -> float:
+        """Number of samples of the state of each path."""
+        return float(SAMPLES * self.periods)
+
+    def impacts_at(self, mesh: int) -> Floats:
+        """Impacts at a mesh of the paths that share a unit of the distributions, shape (units,)."""
+        of_paths = self.main[:, :, 4 * mesh + NUMBER].sum(axis=1)
+        return np.asarray(np.add.reduceat(of_paths, np.arange(0, self.paths, self.together)))
 
 
 def new_sums(
@@ -387,63 +413,15 @@ def scales_of_pilot(wheels: int, seen: Floats, slow: float) -> Scales:
     return s
 
 
-class Collected(NamedTuple):
-    """The sums of all paths."""
-
-    main: Floats  # as of `Sums`, over the batches that are full
-    columns: Columns  # of them
-    periods: int  # of each path
-    power: Floats  # power, products, histogram, section, together: as of `Sums`, of all paths
-    products: Floats
-    histogram: Counts
-    section: Counts
-    together: int
-    scales: Scales  # of the pilot run
-
-    @property
-    def wheels(self) -> int:
-        """Number of wheels."""
-        return self.scales.low.size
-
-    @property
-    def paths(self) -> int:
-        """Number of paths."""
-        return len(self.main)
-
-    @property
-    def time(self) -> float:
-        """Duration of each path."""
-        return PERIOD * self.periods
-
-    @property
-    def samples(self) -> float:
-        """Number of samples of the state of each path."""
-        return float(SAMPLES * self.periods)
-
-    def impacts_at(self, mesh: int) -> Floats:
-        """Impacts at a mesh of the paths that share a unit of the distributions, shape (units,)."""
-        of_paths = self.main[:, :, 4 * mesh + NUMBER].sum(axis=1)
-        return np.asarray(np.add.reduceat(of_paths, np.arange(0, self.paths, self.together)))
-
-
-def collect(parts: list[Sums], batches: int, periods: int) -> Collected:
-    """Join the sums of all blocks of paths."""
+def collect(parts: list[Sums], batches: int, periods: int) -> Sums:
+    """Join the sums of all blocks of paths, over the batches that are full."""
     names = ("main", "power", "products", "histogram", "section")
-    main, power, products, *counts = (
-        np.concatenate([getattr(part, name) for part in parts]) for name in names
-    )
+    joined: dict[str, Any] = {
+        name: np.concatenate([getattr(part, name) for part in parts]) for name in names
+    }
+    sums = parts[0]._replace(periods=periods, **joined)
     # all impacts: those at any mesh
-    for sums in (power[:, :, OF_SPEED:], products[:, :, 0], counts[0][:, :, OF_SPEED:]):
-        sums[:, 0] = sums[:, 1:].sum(axis=1)
-    first = parts[0]
-    return Collected(
-        main[:, :batches],
-        first.columns,
-        periods,
-        power,
-        products,
-        counts[0],
-        counts[1],
-        first.together,
-        first.scales,
-    )
+    speeds = slice(OF_SPEED, None)
+    for of in (sums.power[:, :, speeds], sums.products[:, :, 0], sums.histogram[:, :, speeds]):
+        of[:, 0] = of[:, 1:].sum(axis=1)
+    return sums._replace(main=sums.main[:, :batches])

@@ -59,7 +59,6 @@ class Block(NamedTuple):
     counters: Ints  # of what `BEGIN` to `LONG` say
 
 
-@jit
 def impacts_of(rows: Floats, impacts: Ints, struck: Floats) -> Floats:
     """The impacts of a stretch one below the other, path by path.
 
@@ -67,22 +66,18 @@ def impacts_of(rows: Floats, impacts: Ints, struck: Floats) -> Floats:
     mesh. Shapes: `rows` (paths, impacts or more, columns); `impacts` (paths,); `struck` (paths,
     wheels); result (impacts, 4).
     """
-    total = 0
-    for p in range(len(rows)):
-        total += impacts[p]
-    out = np.empty((total, 4))
-    n = 0
-    for p in range(len(rows)):
-        for k in range(impacts[p]):
-            row = rows[p, k]
-            mesh = int(abs(row[row.size - 1]))
-            out[n, 0] = mesh
-            out[n, 1] = row[1]
-            out[n, 2] = row[0] - struck[p, mesh - 1]
-            out[n, 3] = row[2 * mesh + 1]
-            struck[p, mesh - 1] = row[0]
-            n += 1
-    return out
+    happened = np.arange(rows.shape[1]) < impacts[:, None]
+    path, _ = np.nonzero(happened)
+    seen = rows[happened]
+    mesh = np.abs(seen[:, -1]).astype(int)
+    since = np.empty(len(seen))
+    for i in range(struck.shape[1]):
+        here = np.flatnonzero(mesh == i + 1)
+        times = seen[here, 0]
+        is_first = np.diff(path[here], prepend=-1) != 0
+        since[here] = times - np.where(is_first, struck[path[here], i], np.roll(times, 1))
+    velocity = seen[np.arange(len(seen)), 2 * mesh + 1]
+    return np.column_stack([mesh, seen[:, 1], since, velocity])
 
 
 @jit
@@ -231,8 +226,7 @@ class Walk:
         """Hold meshes closed from now on while impacts that are not slow have at most this rate
         there."""
         job = self._block.job
-        quiet = job.quiet._replace(most=most)
-        self._block = self._block._replace(job=job._replace(quiet=quiet))
+        self.change_constants(job.c, job.quiet._replace(most=most))
 
     @property
     def periods(self) -> int:

@@ -60,23 +60,16 @@ def half_gap(b: Backlash, key: Key, path: Word, contact: Word, mesh: int) -> flo
     return gap
 
 
-@lean_internal
-def first_half_gap(b: Backlash, key: Key, path: Word, flank: int) -> float:
-    """Half gap of a flank at the start; both flanks of a mesh share a draw unless impacts redraw
-    them."""
-    draw = flank if b.redrawn else 2 * (flank // 2)
-    return half_gap(b, key, path, Word(draw), 1 + flank // 2)
-
-
 @lean
 def draw_walls(b: Backlash, key: Key, first: int, walls: Floats) -> None:
     """Distances of the flanks +1, -1, +2, -2, ... from the middle of their gap at the start, into
-    `walls`.
+    `walls`; both flanks of a mesh share a draw unless impacts redraw them.
 
     `walls`: Output.  Draws 0 to 3 belong to the flanks of two wheels, or more of more wheels; the
     draws of the impacts follow. Shapes: `walls` (2 wheels, paths).
     """
     for flank in range(walls.shape[0]):
+        draw = Word(flank if b.redrawn else 2 * (flank // 2))
         for p in range(walls.shape[1]):
             if walls[flank, p] < math.inf:
-                walls[flank, p] = first_half_gap(b, key, Word(first + p), flank)
+                walls[flank, p] = half_gap(b, key, Word(first + p), draw, 1 + flank // 2)

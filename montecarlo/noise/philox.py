@@ -195,6 +195,13 @@ def normals(key: Key, path: Word, index: Word, purpose: Word) -> tuple[float, fl
     return z0, z1, z2, z3
 
 
+@inline
+def _make_normal(first: Floats, second: Floats, lanes: int) -> None:
+    """Turn two words of every lane into normals, in place."""
+    for p in range(lanes):
+        first[p], second[p] = _pair(word_of(first[p]), word_of(second[p]))
+
+
 @lean
 def fill_normals(
     key: Key, paths: NDArray[np.uint64], index: Word, purpose: Word, lanes: int, z: Floats
@@ -214,24 +221,8 @@ def fill_normals(
     for p in range(lanes):
         a, b, c, d = words(key, paths[p], index, purpose)
         z0[p], z1[p], z2[p], z3[p] = float_of(a), float_of(b), float_of(c), float_of(d)
-    for p in range(lanes):
-        z0[p], z1[p] = _pair(word_of(z0[p]), word_of(z1[p]))
-    for p in range(lanes):
-        z2[p], z3[p] = _pair(word_of(z2[p]), word_of(z3[p]))
-
-
-@inline
-def bits_of(key: Key, path: Word, index: Word) -> Word:
-    """Sixty-four random bits for one index of the substream `STEP`."""
-    a, b, _, _ = words(key, path, index, Word(STEP))
-    return (a << HALF_WORD) | b
-
-
-@inline
-def sign_of(bits: Word, place: int) -> float:
-    """Two-point increment +1 or -1 from one bit; its first three moments are those of a standard
-    normal."""
-    return float_of(((bits << Word(63 - place)) & SIGN) | ONE)
+    _make_normal(z0, z1, lanes)
+    _make_normal(z2, z3, lanes)
 
 
 @lean
@@ -239,12 +230,14 @@ def fill_words(key: Key, paths: NDArray[Word], index: Word, lanes: int, out: NDA
     """Sixty-four random bits of every lane for one index of the substream `STEP`; vectorises."""
     widest_vectors()
     for p in range(lanes):
-        out[p] = bits_of(key, paths[p], index)
+        a, b, _, _ = words(key, paths[p], index, Word(STEP))
+        out[p] = (a << HALF_WORD) | b
 
 
 @lean
 def fill_signs(bits: NDArray[Word], place: int, lanes: int, z: Floats) -> None:
-    """Two-point increments of every lane; vectorises."""
+    """Two-point increments of every lane, +1 or -1 from one bit; their first three moments are
+    those of a standard normal.  Vectorises."""
     widest_vectors()
     for p in range(lanes):
-        z[p] = sign_of(bits[p], place)
+        z[p] = float_of(((bits[p] << Word(63 - place)) & SIGN) | ONE)

@@ -15,8 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rattle.montecarlo.noise.philox import Word
+from rattle.montecarlo.schemes.lanes import add_scaled
 from rattle.montecarlo.schemes.short_flight import pushed_by
 from rattle.montecarlo.statistics.central_sums import CentralSums
+from rattle.montecarlo.statistics.section_statistics import undefined
 from rattle.scene import Bools, Constants, Floats, Ints, Scene
 from rattle.scene.compiled import lean_internal
 from rattle.scene.flight import field, jacobian
@@ -170,6 +172,21 @@ def linear_path(scene: Scene, impacts: int, dt: float) -> LinearPath:
 
 
 @lean_internal
+def _map_lanes(
+    factors: Floats, noise: Floats, xi: Floats, w: Floats, area: Floats, out: Floats, live: int
+) -> None:
+    """Write a linear map of the perturbations and of the normals of a step, for all lanes.
+
+    Shapes: `factors` (components,); `noise` (2,); `out` (lanes,).
+    """
+    for p in range(live):
+        out[p] = noise[0] * w[p] + noise[1] * area[p]
+    for j in range(factors.size):
+        if factors[j] != 0.0:
+            add_scaled(out, factors[j], xi[j], live)
+
+
+@lean_internal
 def carry_along(
     path: LinearPath,
     n: int,
@@ -190,29 +207,18 @@ def carry_along(
     while done < path.at_step.size and path.at_step[done] == n:
         read = path.read[done]
         noise = path.read_noise[done]
-        for p in range(live):
-            row = int(numbers[p]) - first
-            for i in range(read.shape[0]):
-                total = noise[0, i] * w[p] + noise[1, i] * area[p]
-                for j in range(read.shape[1]):
-                    total += read[i, j] * xi[j, p]
-                controls[row, done, i] = total
+        out = xi[read.shape[1]]
+        for i in range(read.shape[0]):
+            _map_lanes(read[i], noise[:, i], xi, w, area, out, live)
+            for p in range(live):
+                controls[int(numbers[p]) - first, done, i] = out[p]
         done += 1
     if done < path.at_step.size:
         carry = path.carry[n]
         noise = path.noise[n]
         size = carry.shape[0]
         for i in range(size):
-            out = xi[size + i]
-            for p in range(live):
-                out[p] = noise[0, i] * w[p] + noise[1, i] * area[p]
-            for j in range(size):
-                factor = carry[i, j]
-                part = xi[j]
-                if factor == 0.0:
-                    continue
-                for p in range(live):
-                    out[p] += factor * part[p]
+            _map_lanes(carry[i], noise[:, i], xi, w, area, xi[size + i], live)
         for i in range(size):
             for p in range(live):
                 xi[i, p] = xi[size + i, p]
@@ -238,7 +244,7 @@ def estimate_controlled(sums: CentralSums, variance: Floats) -> dict[str, Floats
     m = sums.moment
     reached = n == n.max()
     usable = (variance > 0.0) & reached & (n >= FEWEST_OF_A_REGRESSION) & (m(0, 2) > 0.0)
-    with np.errstate(invalid="ignore", divide="ignore"):
+    with undefined():
         m02 = m(0, 2)
         m03 = m(0, 3)
         m20 = m(2, 0)

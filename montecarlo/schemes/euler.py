@@ -10,9 +10,9 @@ from functools import partial
 from typing import NamedTuple
 
 from rattle.montecarlo.noise.brownian import Noise
-from rattle.montecarlo.schemes.lanes import Lanes, fill_speeds, join_increments
+from rattle.montecarlo.schemes.lanes import Lanes, fill_speeds, join_increments, vector_beside
 from rattle.montecarlo.schemes.scheme import Scheme
-from rattle.montecarlo.schemes.short_flight import Phase, no_phase
+from rattle.montecarlo.schemes.short_flight import Moved, Phase, no_phase
 from rattle.montecarlo.schemes.step_state import Inside, Progress, Scratch, put_on_wall
 from rattle.montecarlo.schemes.sticking import stay, stays_open
 from rattle.montecarlo.schemes.time_scales import (
@@ -88,7 +88,6 @@ def _step_gap(
 def plain_lanes(
     c: Constants,
     wheels: int,
-    springs: bool,
     forcing: Floats,
     h: float,
     toleranced: bool,
@@ -102,8 +101,8 @@ def plain_lanes(
     marks those that are beyond a wall at its end.
 
     Children before their parents, whose speeds at the start of the step they need.  `walls` is read
-    only if they are toleranced.  `wheels`, `springs`: Their number, and whether springs hold any;
-    a kernel for two wheels knows both.  Shapes: `walls`, `state` (2 wheels, lanes or more);
+    only if they are toleranced.  `wheels`: Their number, which a kernel for two knows.  Shapes:
+    `walls`, `state` (2 wheels, lanes or more);
     `speeds` (wheels, lanes or more); `z` (lanes or more,).
     """
     widest_vectors()
@@ -126,14 +125,8 @@ def plain_lanes(
         y = state[2 * i + 1]
         high = walls[2 * i]
         low = walls[2 * i + 1]
-        if springs and wheel.stiffness > 0.0:
-            _step_gap(f, x, y, speeds[i], z, high, low, beyond)
-        elif parent < 0:  # coupling is 0, so that any vector does
-            _step_gap(f, x, y, z, z, high, low, beyond)
-        elif c.wheels[parent].parent < 0:
-            _step_gap(f, x, y, state[2 * parent + 1], z, high, low, beyond)
-        else:
-            _step_gap(f, x, y, speeds[parent], z, high, low, beyond)
+        v = vector_beside(c, i, state, speeds, z)
+        _step_gap(f, x, y, v, z, high, low, beyond)
 
 
 @splice
@@ -152,7 +145,6 @@ def step_lanes(
     plain_lanes(
         c,
         scratch.wheels,
-        scratch.springs,
         scratch.forcing,
         h,
         toleranced,
@@ -167,7 +159,7 @@ def step_lanes(
 
 
 @splice
-def advance(inside: Inside, met: int, at: Progress, phase: Phase) -> tuple[Progress, Phase]:
+def advance(inside: Inside, met: int, at: Progress, phase: Phase) -> Moved:
     """Go to the impact that is due at the end of the step: the path is put back on the wall that it
     is beyond, outward.
 

@@ -10,17 +10,17 @@ from functools import partial
 
 from rattle.montecarlo.noise.brownian import Noise
 from rattle.montecarlo.noise.philox import BRIDGE, Word, normals
+from rattle.montecarlo.schemes import euler
 from rattle.montecarlo.schemes.euler import (
     KICK,
     PUSH,
     longest_euler_step,
-    plain_lanes,
     step_forcing,
     trusted_euler_step,
 )
 from rattle.montecarlo.schemes.lanes import Lanes, join_halves
 from rattle.montecarlo.schemes.scheme import Scheme
-from rattle.montecarlo.schemes.short_flight import Phase, no_phase
+from rattle.montecarlo.schemes.short_flight import Moved, Phase, no_phase
 from rattle.montecarlo.schemes.step_state import (
     FREE,
     SPLITS,
@@ -28,13 +28,13 @@ from rattle.montecarlo.schemes.step_state import (
     Inside,
     Progress,
     Scratch,
+    at_end,
     parent_deviation,
     put_on_wall,
 )
 from rattle.montecarlo.schemes.sticking import stays_open, stick_to_end
 from rattle.montecarlo.schemes.wheel_noise import (
     add_kick,
-    add_kicks,
     divide_increments,
     gather_alone,
 )
@@ -58,22 +58,7 @@ def step_lanes(
     for i in range(lanes.state.shape[0]):
         for p in range(live):
             lanes.before[i, p] = lanes.state[i, p]
-    step_forcing(c, tau, h, scratch.forcing)
-    plain_lanes(
-        c,
-        scratch.wheels,
-        scratch.springs,
-        scratch.forcing,
-        h,
-        True,
-        lanes.walls,
-        lanes.state,
-        scratch.speeds,
-        lanes.w,
-        beyond[:live],
-    )
-    if scratch.shaken:
-        add_kicks(c, h, lanes, live)
+    euler.step_lanes(c, tau, h, True, lanes, scratch, beyond, live)
 
 
 @lean_internal
@@ -103,15 +88,14 @@ def _step_partly(c: Constants, tau: float, h: float, increment: float, scratch: 
 def _reach(x: float, y: float, high: float, low: float) -> float:
     """Time in which a straight line from x at speed y meets ``high`` or ``-low``; infinite for y =
     0."""
-    if y > 0.0:
-        return max(high - x, 0.0) / y
-    if y < 0.0:
-        return max(low + x, 0.0) / -y
-    return math.inf
+    if y == 0.0:
+        return math.inf
+    gap = high - x if y > 0.0 else low + x
+    return max(gap, 0.0) / abs(y)
 
 
 @inline
-def advance(inside: Inside, met: int, at: Progress, phase: Phase) -> tuple[Progress, Phase]:
+def advance(inside: Inside, met: int, at: Progress, phase: Phase) -> Moved:
     """Go to the next wall that the path meets in this step, or to the end of the step.
 
     A fresh normal splits the increment at the wall (Brownian bridge); there is none for noise with
@@ -138,7 +122,7 @@ def advance(inside: Inside, met: int, at: Progress, phase: Phase) -> tuple[Progr
             bodies = inside.scratch.bodies
             gather_alone(inside.scratch.alone, c.wheels.size, bodies, free, inside.scratch.series)
         _step_partly(c, at.tau, at.left, whole, inside.scratch)
-        return Progress(0, at.tau + at.left, 0.0, Noise(0.0, 0.0)), phase
+        return at_end(at), phase
     # the increment up to there, given the whole of it: a Brownian bridge
     spread = math.sqrt(reach * (at.left - reach) / at.left)
     part = whole * reach / at.left + spread * normal

@@ -13,7 +13,7 @@ wall, its noise is split there, its first part is flown as a trial, and so on
 import math
 from typing import NamedTuple
 
-from rattle.montecarlo.noise.brownian import Noise, join, split
+from rattle.montecarlo.noise.brownian import Noise, split
 from rattle.montecarlo.noise.philox import BRIDGE, Word, normals
 from rattle.montecarlo.schemes.crossing import (
     CLOSE_TO_WALL,
@@ -23,9 +23,10 @@ from rattle.montecarlo.schemes.crossing import (
     near_wall,
     noise_free_reach,
 )
-from rattle.montecarlo.schemes.lanes import Lanes, fill_speeds, join_halves
+from rattle.montecarlo.schemes.lanes import Lanes, fill_speeds, join_halves, vector_beside
 from rattle.montecarlo.schemes.scheme import Scheme
 from rattle.montecarlo.schemes.short_flight import (
+    Moved,
     Phase,
     kick,
     phase_at,
@@ -42,6 +43,7 @@ from rattle.montecarlo.schemes.step_state import (
     Inside,
     Progress,
     Scratch,
+    at_end,
     clip,
     copy_state,
     due_side,
@@ -52,6 +54,7 @@ from rattle.montecarlo.schemes.sticking import (
     close_meshes,
     find_closed,
     leave_bodies,
+    part_beside,
     stick_to_end,
 )
 from rattle.montecarlo.schemes.time_scales import (
@@ -67,6 +70,7 @@ from rattle.montecarlo.schemes.wheel_noise import (
     flight_effects,
     gather_alone,
     join_alone,
+    join_parts,
     shake_lanes,
     split_alone,
 )
@@ -75,7 +79,7 @@ from rattle.scene.compiled import inline, lean, lean_internal, not_inlined, spli
 from rattle.scene.damping import pair
 from rattle.scene.drive import highest_order
 from rattle.scene.flight import respond
-from rattle.scene.sticking import put_open, take_open
+from rattle.scene.sticking import put_open
 from rattle.scene.wheel import with_wheels
 
 MOST_CUTS = 1000  # per step; then the path is clipped to its walls
@@ -215,8 +219,6 @@ def step_lanes(
     fill_speeds(c, state, scratch.speeds, live)
     last = c.wheels.size - 1
     for i in range(last, -1, -1):
-        wheel = c.wheels[i]
-        parent = wheel.parent
         row = scratch.forcing[i]
         f = GapFlight(
             h / 3.0,
@@ -226,7 +228,7 @@ def step_lanes(
             (row[ALONG], row[ALONG + 1]),
             (row[ACROSS], row[ACROSS + 1]),
             row[MARGIN],
-            wheel.wall,
+            c.wheels[i].wall,
             toleranced,
             i != last,
         )
@@ -236,14 +238,8 @@ def step_lanes(
         y0 = before[2 * i + 1]
         high = walls[2 * i]
         low = walls[2 * i + 1]
-        if wheel.stiffness > 0.0:
-            _fly_gap(f, x, y, x0, y0, scratch.speeds[i], z, area, high, low, near)
-        elif parent < 0:  # the driver does not deviate, so that any vector does
-            _fly_gap(f, x, y, x0, y0, z, z, area, high, low, near)
-        elif c.wheels[parent].parent < 0:
-            _fly_gap(f, x, y, x0, y0, state[2 * parent + 1], z, area, high, low, near)
-        else:
-            _fly_gap(f, x, y, x0, y0, scratch.speeds[parent], z, area, high, low, near)
+        v = vector_beside(c, i, state, scratch.speeds, z)
+        _fly_gap(f, x, y, x0, y0, v, z, area, high, low, near)
     if scratch.shaken:
         shake_lanes(c, h, lanes, scratch, near, live)
 
@@ -291,7 +287,7 @@ def _land(
     code: int,
     lead: float,
     v: Floats,
-) -> tuple[Progress, Phase]:
+) -> Moved:
     """The path at the impact that is due, after its flight without noise to the wall: along a
     parabola.
 
@@ -340,18 +336,6 @@ def _part(ahead: Floats, top: int) -> tuple[float, Noise]:
 
 
 @inline
-def _join(ahead: Floats, top: int) -> Noise:
-    """Noise of all waiting parts below `top` of the stack."""
-    noise = Noise(0.0, 0.0)
-    length = 0.0
-    for i in range(top):  # from the end of the step backwards
-        h, part = _part(ahead, i)
-        length = length + h
-        noise = join(part, noise, h / length)
-    return noise
-
-
-@inline
 def _put(ahead: Floats, top: int, length: float, noise: Noise) -> None:
     """Put a part of the step, still ahead, onto the stack."""
     ahead[top, 0] = length
@@ -360,7 +344,7 @@ def _put(ahead: Floats, top: int, length: float, noise: Noise) -> None:
 
 
 @inline
-def advance_exactly(inside: Inside, met: int, at: Progress, phase: Phase) -> tuple[Progress, Phase]:
+def advance_exactly(inside: Inside, met: int, at: Progress, phase: Phase) -> Moved:
     """Go to the next wall that the path meets in this step, or to the end of the step.
 
     The time left is tried as a whole.  A trial that may have an impact is cut at the wall and its
@@ -378,14 +362,14 @@ def advance_exactly(inside: Inside, met: int, at: Progress, phase: Phase) -> tup
     close_meshes(inside.c, inside.scratch)
     count = leave_bodies(inside.c, inside.scratch)
     if count == 0:
-        return Progress(0, at.tau + at.left, 0.0, Noise(0.0, 0.0)), phase
+        return at_end(at), phase
     return _advance_beside(inside, count, met, at, phase)
 
 
 @inline
 def _advance(
     inside: Inside, c: Constants, flown: bool, met: int, at: Progress, phase: Phase
-) -> tuple[Progress, Phase]:
+) -> Moved:
     """`advance_exactly` where no mesh is closed; `flown`: whether the end of the flight is not that
     of the whole step."""
     ahead = inside.scratch.ahead
@@ -430,7 +414,7 @@ def _advance(
             copy_state(s, end)
             code, lead, reach = _due(c, s, walls)
             if code != 0 and lead <= left:
-                at = Progress(code, tau, left, _join(ahead, top))
+                at = Progress(code, tau, left, join_parts(ahead, top, 1))
                 if shaken:
                     join_alone(ahead, top, inside.scratch.alone)
                 phase = turned if flown else phase_at(c.drive, tau)
@@ -474,41 +458,14 @@ def _advance(
 
 
 @lean_internal
-def _advance_beside(
-    inside: Inside, count: int, met: int, at: Progress, phase: Phase
-) -> tuple[Progress, Phase]:
+def _advance_beside(inside: Inside, count: int, met: int, at: Progress, phase: Phase) -> Moved:
     """`advance_exactly` of the bodies that closed meshes leave, so many; called, for the flight of
     open meshes must not wait for which constants it takes."""
     not_inlined()
     whole = inside.scratch
     free = whole.choices[FREE, :count]
-    wheels = whole.wheels_beside[:count]
-    c = with_wheels(inside.c, wheels)
-    numbers = 2 * count
-    part = Scratch(
-        count,
-        whole.springs,
-        whole.shaken,
-        whole.beside[0, :numbers],
-        whole.whole,
-        whole.beside[1, :numbers],
-        whole.beside[2, :numbers],
-        whole.series,
-        whole.ahead,
-        whole.sides,
-        whole.unfollowed,
-        whole.forcing,
-        whole.speeds,
-        whole.bodies,
-        whole.choices,
-        whole.wheels_beside,
-        whole.beside,
-        whole.intensity,
-        whole.alone,
-        whole.effects,
-    )
-    take_open(whole.state, free, part.state)
-    take_open(whole.walls, free, part.walls)
+    part = part_beside(whole, count)
+    c = with_wheels(inside.c, whole.wheels_beside[:count])
     beside = Inside(c, inside.key, inside.path, inside.step, inside.level, False, False, part)
     flown = inside.closed  # always: of a type that is not literal, as that of open meshes
     moved, phase = _advance(beside, c, flown, met, at, phase)

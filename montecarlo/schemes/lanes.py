@@ -117,12 +117,11 @@ def lanes_of(
         hits=np.empty(lanes + 1, np.int64),
         scratch=Scratch(
             wheels=wheels,
-            springs=True,
             shaken=shaken,
             state=np.zeros(states),
-            whole=np.zeros(states),
             end=np.zeros(states),
             walls=np.zeros(states),
+            whole=np.zeros(states),
             series=np.zeros((3 + wheels, TERMS_AND_NOISE)),
             ahead=np.zeros((MOST_PARTS, 3 + states)),
             sides=np.zeros(wheels, np.int64),
@@ -155,12 +154,33 @@ def fill_speeds(c: Constants, state: Floats, speeds: Floats, lanes: int) -> None
         if wheel.stiffness > 0.0:
             for p in range(lanes):
                 speeds[i, p] = state[2 * i, p]
-        if parent < 0 or not wheel.drives:
-            continue
-        if c.wheels[parent].parent < 0:
-            _put_speeds(wheel.ratio, state[2 * parent + 1], state[2 * i + 1], speeds[i], lanes)
-        else:
-            _put_speeds(wheel.ratio, speeds[parent], state[2 * i + 1], speeds[i], lanes)
+        if parent >= 0 and wheel.drives:
+            v = vector_beside(c, i, state, speeds, speeds[i])
+            _put_speeds(wheel.ratio, v, state[2 * i + 1], speeds[i], lanes)
+
+
+@splice
+def vector_beside(c: Constants, i: int, state: Floats, speeds: Floats, z: Floats) -> Floats:
+    """What the step of a gap needs of all lanes beside its own state: the deviation of its parent's
+    speed, or of a wheel that a spring holds the displacement; `z` where it needs nothing.
+
+    Shapes: as of `fill_speeds`, which has filled `speeds`; result (lanes,).
+    """
+    wheel = c.wheels[i]
+    parent = wheel.parent
+    v = z
+    if wheel.stiffness > 0.0:
+        v = speeds[i]
+    elif parent >= 0:
+        v = state[2 * parent + 1] if c.wheels[parent].parent < 0 else speeds[parent]
+    return v
+
+
+@inline
+def add_scaled(to: Floats, factor: float, v: Floats, lanes: int) -> None:
+    """Add a multiple of a vector to another one.  Vectorises."""
+    for p in range(lanes):
+        to[p] += factor * v[p]
 
 
 @inline

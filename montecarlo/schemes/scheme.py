@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from rattle.montecarlo.schemes.lanes import Lanes
-from rattle.montecarlo.schemes.short_flight import Phase
+from rattle.montecarlo.schemes.short_flight import Moved, Phase
 from rattle.montecarlo.schemes.step_state import Inside, Progress, Quiet, Scratch
 from rattle.montecarlo.schemes.time_scales import Limit
 from rattle.scene import Bools, Constants, Floats, Scene
@@ -41,10 +41,10 @@ class Scheme:
     phase_at: Callable[[Any, float], Phase]  # what a step knows of the drive at its start
     # to the next impact within a step, or to its end, from where a path is after so many impacts
     # and beside the meshes that are closed
-    advance: Callable[[Inside, int, Progress, Phase], tuple[Progress, Phase]]
-    # the meshes that are closed, see `Scratch`; whether there are any, and the bound on the rate of
-    # impacts that are not followed
-    find_sticking: Callable[[Constants, Progress, Scratch, Quiet], tuple[bool, float]]
+    advance: Callable[[Inside, int, Progress, Phase], Moved]
+    # writes the meshes that are closed, see `Scratch`; the bound on the rate of impacts that are
+    # not followed, or -1 where none is closed
+    find_sticking: Callable[[Constants, Progress, Scratch, Quiet], float]
     stick_to_end: Callable[[Constants, Progress, Scratch], Progress]  # the path at that end
 
     @property

@@ -10,7 +10,13 @@ from typing import Any
 
 import numpy as np
 
-from rattle.montecarlo.schemes.step_state import AREA, INCREMENT, MOST_TERMS, TERMS_AND_NOISE
+from rattle.montecarlo.schemes.step_state import (
+    AREA,
+    INCREMENT,
+    MOST_TERMS,
+    TERMS_AND_NOISE,
+    Progress,
+)
 from rattle.scene import Constants, Floats
 from rattle.scene.compiled import inline, lean
 from rattle.scene.drive import (
@@ -24,6 +30,9 @@ from rattle.scene.flight import COMMON
 
 Phase = tuple[float, ...]
 """Sine and cosine of a time; of several orders ``-f''``, ``f'``, ``-f'''`` and the time itself."""
+
+Moved = tuple[Progress, Phase]
+"""Where a path has come to within a step, and the phase there."""
 
 RECIPROCALS = np.array([0.0, *(1.0 / k for k in range(1, MOST_TERMS + 1))])
 NEGLIGIBLE = 1e-16  # size of a Taylor term, relative to the first, after which the series ends
@@ -88,28 +97,11 @@ def short_flight(
     `alpha`, `dragged`: the excitation, and 1 with drag or 0 without.  Shapes: `s`, `end` (2
     wheels,); `series` as in `Scratch`, with the noises of single wheels alone.
     """
-    return _fly(c.drive, c, alpha, dragged, phase, h, s, increment, area, series, end)
-
-
-@inline
-def _fly(
-    drive: Any,
-    c: Constants,
-    alpha: float,
-    dragged: float,
-    phase: Phase,
-    h: float,
-    s: Floats,
-    increment: float,
-    area: float,
-    series: Floats,
-    end: Floats,
-) -> Phase:
-    """`short_flight` for the drive at hand."""
     fastest = 0.0
     for i in range(c.wheels.size):
         fastest = max(fastest, c.wheels[i].fastest)
-    terms, after = _expand_drive(drive, phase, h, abs(h) * (highest_order(drive) + fastest), series)
+    fastest = abs(h) * (highest_order(c.drive) + fastest)
+    terms, after = _expand_drive(c.drive, phase, h, fastest, series)
     odd_noise = 12.0 * c.sigma * area
     even_noise = c.sigma * increment - 0.5 * odd_noise
     odd = c.modulates * odd_noise

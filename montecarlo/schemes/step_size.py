@@ -82,17 +82,6 @@ def largest_step(scene: Scene, scheme: str = "euler-maruyama") -> Limit:
     return SCHEMES[scheme].longest_step(scene)
 
 
-def trusted_step(scene: Scene, scheme: str) -> Limit:
-    """The longest step at which noise within a step biases no mean by 5 % of its sd, and the reason
-    for the limit.
-
-    The effect of the step on the noise-free motion is not included: that is measured by
-    `rattle.montecarlo.diagnostics.diagnostics`.
-    `rattle check stability` finds these limits to hold over all of its axes.
-    """
-    return SCHEMES[scheme].trusted_step(scene)
-
-
 @lru_cache(maxsize=256)
 def neglected_noise(scene: Scene, dt: float) -> float:
     """Largest share of an sd of the section that steps of ``exact-flight`` leave out, at the
@@ -107,10 +96,9 @@ def neglected_noise(scene: Scene, dt: float) -> float:
     c = scene.constants
     tau = scene.phase
     worst = 0.0
-    # covariances
+    # covariance, and what steps leave out of it
     size = 2 * c.wheels.size
-    whole = np.zeros((size + 1, size + 1))
-    missing = np.zeros((size + 1, size + 1))
+    parts = np.zeros((2, size + 1, size + 1))
     for impact in orbit_impacts(scene, LOOKED_AT_IMPACTS):
         if impact.tau - scene.phase > min(TIME, STEPS_WITHOUT_EFFECT * dt):
             break
@@ -124,21 +112,19 @@ def neglected_noise(scene: Scene, dt: float) -> float:
             exact = np.zeros((size + 1, size + 1))
             carry[:size, :size] = jacobian(c, h)
             exact[:size, :size] = noise_covariance(c, tau, h)
-            whole = transform(carry, whole) + exact
-            missing = transform(carry, missing) + exact
+            parts = transform(carry, parts) + exact
             for source in range(COMMON, c.wheels.size):
                 for kept in (
                     pushed_by(c, tau, h, math.sqrt(h), 0.0, source),
                     pushed_by(c, tau, h, 0.0, math.sqrt(h / 12.0), source),
                 ):
-                    missing[:size, :size] -= np.multiply.outer(kept, kept)
+                    parts[1, :size, :size] -= np.multiply.outer(kept, kept)
             tau = end
-        variance, left_out = (np.diagonal(transform(impact.read, v)) for v in (whole, missing))
+        variance, left_out = np.diagonal(transform(impact.read, parts), axis1=1, axis2=2)
         varies = variance > 0.0
         share = float(np.max(left_out[varies] / variance[varies], initial=0.0))
         worst = max(worst, 1.0 - math.sqrt(max(1.0 - share, 0.0)))
-        whole = transform(impact.carry, whole)
-        missing = transform(impact.carry, missing)
+        parts = transform(impact.carry, parts)
     return worst
 
 

@@ -38,6 +38,12 @@ class Progress(NamedTuple):
     noise: Noise  # of the time left
 
 
+@inline
+def at_end(at: Progress) -> Progress:
+    """A path that has come to the end of the step."""
+    return Progress(0, at.tau + at.left, 0.0, Noise(0.0, 0.0))
+
+
 class Quiet(NamedTuple):
     """Down to which speed the motion of a mesh at its wall is followed impact by impact.
 
@@ -56,14 +62,12 @@ class Scratch(NamedTuple):
 
     # number of wheels: a constant of kernels for one and two, whose loops it unrolls
     wheels: int
-    springs: bool  # whether a spring may hold one of them; known to be none where wheels are known
     shaken: bool  # whether noises act on single wheels alone; none where wheels are known
-    # state, whole, end: present state; that at the end of the whole step, if no wall is met; and
-    # that at the end of a part of it; (2 wheels,)
+    # state, end: present state, and that at the end of a part of a step; (2 wheels,)
     state: Floats
-    whole: Floats
     end: Floats
     walls: Floats  # distances of the flanks +1, -1, +2, -2, ... from their middle; (2 wheels,)
+    whole: Floats  # state at the end of the whole step, if no wall is met; (2 wheels,)
     # Taylor series: of f' and f'', of the deviation of each wheel's speed, and zeros; beside those
     # of a wheel, increment and area of the noise on it alone; (3 + wheels, TERMS_AND_NOISE)
     series: Floats

@@ -13,9 +13,6 @@ its impacts are slow: the law of that motion is known, see `rattle.montecarlo.sc
 import math
 from typing import Any, NamedTuple
 
-import numpy as np
-
-from rattle.montecarlo.noise.brownian import Noise
 from rattle.montecarlo.schemes.crossing import MARGIN_SDS
 from rattle.montecarlo.schemes.short_flight import kick
 from rattle.montecarlo.schemes.step_state import (
@@ -30,11 +27,13 @@ from rattle.montecarlo.schemes.step_state import (
     Progress,
     Quiet,
     Scratch,
+    at_end,
     copy_state,
+    due_side,
 )
 from rattle.montecarlo.schemes.wheel_noise import gather_alone
 from rattle.scene import Constants, Floats, Ints
-from rattle.scene.compiled import inline, internal, lean_internal, not_inlined
+from rattle.scene.compiled import inline, internal, lean_internal, not_inlined, splice
 from rattle.scene.drive import most_modulation, most_velocity, velocity_acceleration
 from rattle.scene.flight import flow
 from rattle.scene.sticking import (
@@ -75,9 +74,9 @@ def is_any(closed: Ints) -> bool:
 
 
 @inline
-def stays_open(c: Constants, at: Progress, scratch: Scratch, quiet: Quiet) -> tuple[bool, float]:
+def stays_open(c: Constants, at: Progress, scratch: Scratch, quiet: Quiet) -> float:
     """All meshes open: a scheme whose steps know no contact force."""
-    return False, 0.0
+    return -1.0
 
 
 @inline
@@ -93,13 +92,14 @@ def close_only(code: int, scratch: Scratch) -> None:
         scratch.sides[i] = 0
         scratch.unfollowed[0, i] = 0.0
         scratch.unfollowed[1, i] = 0.0
-    scratch.sides[abs(code) - 1] = 1 if code > 0 else -1
+    scratch.sides[abs(code) - 1] = due_side(code)
 
 
 @inline
-def find_closed(c: Constants, at: Progress, scratch: Scratch, quiet: Quiet) -> tuple[bool, float]:
-    """The meshes that are closed for what is left of a step: those that stick, or that noise moves
-    too little to be followed.
+def find_closed(c: Constants, at: Progress, scratch: Scratch, quiet: Quiet) -> float:
+    """Write the meshes that are closed for what is left of a step: those that stick, or that noise
+    moves too little to be followed; the bound on the rate of fast impacts that are not followed
+    there, or -1 where none is closed.
 
     Noise with a memory is a known force within a step.
     """
@@ -112,17 +112,13 @@ def find_closed(c: Constants, at: Progress, scratch: Scratch, quiet: Quiet) -> t
         elif (x == scratch.walls[2 * i] and y > 0.0) or (
             x == -scratch.walls[2 * i + 1] and y < 0.0
         ):
-            return False, 0.0  # an impact comes first
-    if not slow:
-        return False, 0.0
-    above = _close_slow(c, at, scratch, quiet)
-    return above >= 0.0, above
+            return -1.0  # an impact comes first
+    return _close_slow(c, at, scratch, quiet) if slow else -1.0
 
 
 @inline
 def _close_slow(c: Constants, at: Progress, scratch: Scratch, quiet: Quiet) -> float:
-    """Write the meshes that are closed into the scratch; the bound on the rate of fast impacts that
-    are not followed there, or -1 where none is closed."""
+    """`find_closed` where a gap is slow enough, and none is due for an impact."""
     spread = c.sigma
     if c.memory > 0.0:
         c = with_known_noise(c, c.sigma * at.noise.increment / at.left)
@@ -277,36 +273,34 @@ def _bounce(
     u = scratch.bodies[i].speed
     steady = wheel.gamma + c.pressing * wheel.own
     pull = wheel.beta * u + steady
-    if not moving:
+    if moving:
+        # the common speed of both wheels hardly changes
+        parent = c.wheels[wheel.parent]
+        by_parent = scratch.bodies[wheel.parent].speed
+        others = wheel.ratio * (parent.beta * by_parent + parent.gamma + c.pressing * parent.own)
+        end_pull = wheel.beta * wheel.ratio * by_parent + steady
+        mass = wheel.mass * (1.0 - wheel.share)
+        noise = c.modulates * wheel.first * driver[0] + wheel.force
+        end_noise = c.modulates * wheel.first * ahead[0] + wheel.force
+        intensity = wheel.shaking
+        speed = scratch.state[2 * i + 1]
+        push = side * (others - pull)
+        later = side * (others - end_pull)
+    else:
         towards = side * wheel.sign
-        m = wheel.turn * (driver[1] + wheel.beta * driver[0])
+        mass = wheel.mass
         end_m = wheel.turn * (ahead[1] + wheel.beta * ahead[0])
-        noise = c.modulates * m + wheel.own
+        noise = c.modulates * (wheel.turn * (driver[1] + wheel.beta * driver[0])) + wheel.own
         end_noise = c.modulates * end_m + wheel.own
+        intensity = wheel.alone
         speed = wheel.turn * c.alpha * driver[0] - u
         push = towards * (pull + wheel.turn * c.alpha * driver[1])
         later = towards * (steady + c.alpha * end_m)
-        half = 0.5 * wheel.mass
-        alone = half * wheel.alone * wheel.alone
-        power = half * noise * noise + alone
-        more = half * end_noise * end_noise + alone
-        return Bounce(wheel.mass, speed, push, later, power, more)
-    # the common speed of both wheels hardly changes
-    parent = c.wheels[wheel.parent]
-    by_parent = scratch.bodies[wheel.parent].speed
-    others = wheel.ratio * (parent.beta * by_parent + parent.gamma + c.pressing * parent.own)
-    end_pull = wheel.beta * wheel.ratio * by_parent + steady
-    mass = wheel.mass * (1.0 - wheel.share)
-    m = c.modulates * wheel.first * driver[0] + wheel.force
-    end_m = c.modulates * wheel.first * ahead[0] + wheel.force
-    push = side * (others - pull)
-    later = side * (others - end_pull)
     half = 0.5 * mass
-    rate = scratch.state[2 * i + 1]
-    alone = half * wheel.shaking * wheel.shaking
-    power = half * m * m + alone
-    more = half * end_m * end_m + alone
-    return Bounce(mass, rate, push, later, power, more)
+    alone = half * intensity * intensity
+    power = half * noise * noise + alone
+    more = half * end_noise * end_noise + alone
+    return Bounce(mass, speed, push, later, power, more)
 
 
 @inline
@@ -468,6 +462,24 @@ def leave_bodies(c: Constants, scratch: Scratch) -> int:
     return count
 
 
+@splice
+def part_beside(whole: Scratch, count: int) -> Scratch:
+    """A path of the bodies that closed meshes leave, so many, with their state and their walls."""
+    free = whole.choices[FREE, :count]
+    numbers = 2 * count
+    part = Scratch(
+        count,
+        whole.shaken,
+        whole.beside[0, :numbers],
+        whole.beside[1, :numbers],
+        whole.beside[2, :numbers],
+        *whole[5:],
+    )
+    take_open(whole.state, free, part.state)
+    take_open(whole.walls, free, part.walls)
+    return part
+
+
 @lean_internal
 def stop_at_wall(
     x: float, y: float, before: float, t: float, high: float, low: float
@@ -491,24 +503,17 @@ def stick_to_end(c: Constants, at: Progress, scratch: Scratch) -> Progress:
     not_inlined()
     close_meshes(c, scratch)
     count = leave_bodies(c, scratch)
-    free = scratch.choices[FREE, :count]
+    part = part_beside(scratch, count)
     c = with_wheels(c, scratch.wheels_beside[:count])
-    s = np.empty(2 * free.size)
-    walls = np.empty(2 * free.size)
-    take_open(scratch.state, free, s)
-    take_open(scratch.walls, free, walls)
-    after = flow(c, at.tau, s, at.left)
-    pushed = np.empty(s.size)
+    after = flow(c, at.tau, part.state, at.left)
     if scratch.shaken:
         gather_alone(scratch.alone, count, scratch.bodies, scratch.choices[FREE], scratch.series)
-    kick(c, at.tau, at.left, at.noise.increment, at.noise.area, scratch.series, pushed)
-    for i in range(free.size):
-        x = after[2 * i] + pushed[2 * i]
-        y = after[2 * i + 1] + pushed[2 * i + 1]
-        high = walls[2 * i]
-        low = walls[2 * i + 1]
-        x, y = stop_at_wall(x, y, s[2 * i + 1], at.left, high, low)
-        after[2 * i] = x
-        after[2 * i + 1] = y
-    put_open(scratch.state, free, after)
-    return Progress(0, at.tau + at.left, 0.0, Noise(0.0, 0.0))
+    kick(c, at.tau, at.left, at.noise.increment, at.noise.area, scratch.series, part.end)
+    for i in range(0, after.size, 2):
+        x = after[i] + part.end[i]
+        y = after[i + 1] + part.end[i + 1]
+        high = part.walls[i]
+        low = part.walls[i + 1]
+        after[i], after[i + 1] = stop_at_wall(x, y, part.state[i + 1], at.left, high, low)
+    put_open(scratch.state, scratch.choices[FREE, :count], after)
+    return at_end(at)

@@ -17,7 +17,7 @@ from rattle.montecarlo.noise.philox import (
     normals,
 )
 from rattle.montecarlo.schemes.crossing import near_wall
-from rattle.montecarlo.schemes.lanes import Lanes, Room
+from rattle.montecarlo.schemes.lanes import Lanes, Room, add_scaled
 from rattle.montecarlo.schemes.short_flight import kick
 from rattle.montecarlo.schemes.step_state import AREA, INCREMENT, MARGIN, Scratch
 from rattle.scene import Bools, Constants, Floats, Ints
@@ -58,14 +58,10 @@ def add_kicks(c: Constants, h: float, lanes: Lanes, live: int) -> None:
         wheel = c.wheels[i]
         rates = lanes.state[2 * i + 1]
         own = root * wheel.sign * wheel.alone
-        z = lanes.alone[i, 0]
-        for p in range(live):
-            rates[p] += own * z[p]
+        add_scaled(rates, own, lanes.alone[i, 0], live)
         if wheel.parent >= 0:
             carried = root * wheel.ratio * c.wheels[wheel.parent].alone
-            z = lanes.alone[wheel.parent, 0]
-            for p in range(live):
-                rates[p] += carried * z[p]
+            add_scaled(rates, carried, lanes.alone[wheel.parent, 0], live)
 
 
 @lean_internal
@@ -124,9 +120,7 @@ def _add_flights(i: int, source: int, lanes: Lanes, scratch: Scratch, live: int)
         z = lanes.alone[source, k]
         for m in range(2):
             effect = scratch.effects[source, k, 2 * i + m]
-            changed = lanes.state[2 * i + m]
-            for p in range(live):
-                changed[p] += effect * z[p]
+            add_scaled(lanes.state[2 * i + m], effect, z, live)
 
 
 @lean_internal
@@ -197,21 +191,29 @@ def split_alone(
         ahead[top + 1, column + 1] = first.area
 
 
+@inline
+def join_parts(ahead: Floats, top: int, column: int) -> Noise:
+    """A noise of all waiting parts below `top` of the stack, from the column of its increments
+    on."""
+    noise = Noise(0.0, 0.0)
+    length = 0.0
+    for k in range(top):  # from the end of the step backwards
+        h = ahead[k, 0]
+        length = length + h
+        part = Noise(ahead[k, column], ahead[k, column + 1])
+        noise = join(part, noise, h / length)
+    return noise
+
+
 @lean_internal
 def join_alone(ahead: Floats, top: int, alone: Floats) -> None:
-    """Noises of all waiting parts below `top` of the stack, as those of the time left."""
+    """Noises of single wheels of all waiting parts below `top` of the stack, as those of the time
+    left."""
     not_inlined()
-    for i in range(alone.size // 2):
-        column = ALONG_PARTS + 2 * i
-        noise = Noise(0.0, 0.0)
-        length = 0.0
-        for k in range(top):  # from the end of the step backwards
-            h = ahead[k, 0]
-            length = length + h
-            part = Noise(ahead[k, column], ahead[k, column + 1])
-            noise = join(part, noise, h / length)
-        alone[2 * i] = noise.increment
-        alone[2 * i + 1] = noise.area
+    for i in range(0, alone.size, 2):
+        noise = join_parts(ahead, top, ALONG_PARTS + i)
+        alone[i] = noise.increment
+        alone[i + 1] = noise.area
 
 
 @lean_internal

@@ -4,13 +4,18 @@ Sums over the paths of a block are taken in an order that the source fixes, what
 the processor's vectors.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-from math import comb
 
 import numpy as np
+from scipy.special import binom
 
-from rattle.montecarlo.statistics.section_statistics import SINGLE, Orders
+from rattle.montecarlo.statistics.section_statistics import (
+    SINGLE,
+    Orders,
+    Pairs,
+    ratio_or_zero,
+    undefined,
+)
 from rattle.scene import Floats, Ints
 from rattle.scene.compiled import inline, lean, lean_internal, widest_vectors
 
@@ -22,26 +27,11 @@ COVARIANCE: Orders = ((1, 1),)
 VARIANCE: Orders = ((2, 0),)
 """A variance alone."""
 
+HIGHEST = 8  # largest exponent
 # [n, k] = n over k
-BINOMIAL = np.array([[comb(n, k) for k in range(9)] for n in range(9)], dtype=float)
+BINOMIAL = binom.outer(np.arange(HIGHEST + 1.0), np.arange(HIGHEST + 1.0))
 
 STRAND = 64  # numbers of paths are filled up to a multiple of it: eight strands of whole vectors
-
-
-@lean
-def _transpose(rows: Floats, columns: Floats) -> None:
-    """Copy `rows`, shape (paths, variables), to `columns`, shape (variables, paths), eight paths at
-    a time."""
-    paths, variables = rows.shape
-    whole = paths // 8 * 8
-    for p in range(0, whole, 8):
-        for i in range(variables):
-            out = columns[i][p : p + 8]
-            for k in range(8):
-                out[k] = rows[p + k, i]
-    for p in range(whole, paths):
-        for i in range(variables):
-            columns[i, p] = rows[p, i]
 
 
 @inline
@@ -180,12 +170,12 @@ def columns_of(values: Floats) -> Floats:
 
     Shapes: `values` (paths, ...); result (variables, paths).
     """
-    rows = np.ascontiguousarray(values, dtype=float).reshape(len(values), -1)
+    rows = values.reshape(len(values), -1)
     lanes = -(-len(rows) // STRAND) * STRAND
     lanes += STRAND if lanes % 512 == 0 else 0  # so that columns do not share lines of the cache
     columns = np.empty((rows.shape[1], lanes))
     columns[:, len(rows) :] = np.nan
-    _transpose(rows, columns)
+    columns[:, : len(rows)] = rows.T
     return columns
 
 
@@ -251,38 +241,22 @@ def _observe_groups(
 
 
 @lean
-def _about(
-    n: Floats,
-    mean: Floats,
-    sums: Floats,
-    centre: Floats,
-    exponents: Ints,
-    place: Ints,
-    powers: Floats,
-    out: Floats,
-) -> None:
-    """Add to `out` the sums of one part, shifted to another centre by the binomial theorem (scratch
-    `powers`)."""
-    for i in range(n.size):
-        for side in range(2):
-            shift = mean[side, i] - centre[side, i]
-            powers[side, 0] = 1.0
-            for k in range(1, 9):
-                powers[side, k] = powers[side, k - 1] * shift
-        for o in range(len(exponents)):
-            p, q = exponents[o]
+def _add_about(powers: Floats, known: Floats, orders: Ints, out: Floats) -> None:
+    """Add the sums of two parts about another centre, by the binomial theorem.
+
+    Shapes: `powers` (exponents, parts, 2, cells), of the shifts of both variables; `known`
+    (exponents, exponents, parts, cells); `orders` (orders, 2); `out` (orders, cells).
+    """
+    for o in range(len(orders)):
+        p, q = orders[o]
+        for part in range(known.shape[2]):
             for j in range(p + 1):
                 for k in range(q + 1):
-                    if j + k == 1:
-                        continue  # deviations from a part's own mean sum to zero
-                    inner = n[i] if j + k == 0 else sums[place[j, k], i]
-                    out[o, i] += (
-                        BINOMIAL[p, j]
-                        * BINOMIAL[q, k]
-                        * powers[0, p - j]
-                        * powers[1, q - k]
-                        * inner
-                    )
+                    factor = BINOMIAL[p, j] * BINOMIAL[q, k]
+                    for i in range(out.shape[1]):
+                        u = powers[p - j, part, 0, i]
+                        v = powers[q - k, part, 1, i]
+                        out[o, i] += factor * u * v * known[j, k, part, i]
 
 
 def _room(columns: Floats) -> Floats:
@@ -306,27 +280,43 @@ class CentralSums:
     sums: Floats  # the sums; (orders, ...)
 
     @classmethod
-    def of_columns(
-        cls, a: Floats, b: Floats, cells: Ints, orders: Orders, shape: tuple[int, ...]
+    def of_pairs(
+        cls,
+        groups: int,
+        values: Floats,
+        pairs: Pairs,
+        orders: Orders,
+        other: Floats | None = None,
     ) -> "CentralSums":
-        """Sums of one block of paths, each cell over one variable of `a` and one of `b`.
+        """Sums of one block of paths, over pairs of the variables of each group, the second of each
+        pair from `other` if given.
 
-        Shapes: `a`, `b` (variables, paths); `cells` (2, cells).
+        Shapes: `values`, `other` (groups * variables, paths).
         """
-        size = cells.shape[1]
+        other = values if other is None else other
+        base = len(values) // groups * np.arange(groups)[:, None]
+        cells = np.ascontiguousarray((base + np.array(pairs).T[:, None]).reshape(2, -1))
         exponents = np.array(orders)
-        n = np.empty(size)
-        mean = np.empty((2, size))
-        sums = np.empty((len(orders), size))
-        powers = np.ones((2, int(exponents.max()) + 1, a.shape[1]))
-        _block_sums(a, b, cells, exponents, powers, _room(a), n, mean, sums)
-        return cls(
-            orders, n.reshape(shape), mean.reshape(2, *shape), sums.reshape(len(orders), *shape)
+        n = np.empty((groups, len(pairs)))
+        mean = np.empty((2, *n.shape))
+        sums = np.empty((len(orders), *n.shape))
+        powers = np.ones((2, int(exponents.max()) + 1, values.shape[1]))
+        _block_sums(
+            values,
+            other,
+            cells,
+            exponents,
+            powers,
+            _room(values),
+            n.reshape(-1),
+            mean.reshape(2, -1),
+            sums.reshape(len(orders), -1),
         )
+        return cls(orders, n, mean, sums)
 
     @classmethod
     def of_groups(
-        cls, columns: Floats, groups: int, variables: int, pairs: Sequence[tuple[int, int]]
+        cls, columns: Floats, groups: int, variables: int, pairs: Pairs
     ) -> "tuple[CentralSums, CentralSums]":
         """Sums of the first variables of each group, and of pairs of them, observed together: in a
         path all or none.
@@ -350,20 +340,21 @@ class CentralSums:
     def merge(self, other: "CentralSums") -> "CentralSums":
         """The sums over two sets of observations together."""
         n = self.n + other.n
-        weight = np.divide(other.n, n, out=np.zeros_like(n), where=n > 0)
+        weight = ratio_or_zero(other.n, n)
         mean = self.mean + (other.mean - self.mean) * weight
-        out = np.zeros((len(self.orders), n.size))
-        place = np.zeros((9, 9), np.int64)
-        powers = np.empty((2, 9))
-        for o, (p, q) in enumerate(self.orders):
-            place[p, q] = o
-        centre = mean.reshape(2, -1)
+        shift = np.stack([self.mean - mean, other.mean - mean]).reshape(2, 2, -1)
         exponents = np.array(self.orders)
-        for part in (self, other):
-            own = part.mean.reshape(2, -1)
-            sums = part.sums.reshape(len(self.orders), -1)
-            _about(part.n.ravel(), own, sums, centre, exponents, place, powers, out)
-        return CentralSums(self.orders, n, mean, out.reshape(self.sums.shape))
+        size = exponents.max() + 1
+        steps = np.broadcast_to(shift, (size - 1, *shift.shape))
+        powers = np.multiply.accumulate([np.ones_like(shift), *steps])
+        # sums of each part about its own mean, where deviations sum to zero
+        known = np.zeros((size, size, 2, n.size))
+        known[0, 0] = self.n.ravel(), other.n.ravel()
+        for o, (p, q) in enumerate(self.orders):
+            known[p, q] = self.sums[o].ravel(), other.sums[o].ravel()
+        sums = np.zeros((len(self.orders), n.size))
+        _add_about(powers, known, exponents, sums)
+        return CentralSums(self.orders, n, mean, sums.reshape(self.sums.shape))
 
     def until(self, rows: int) -> "CentralSums":
         """The sums of the first rows of cells; the others have no observations."""
@@ -373,5 +364,5 @@ class CentralSums:
 
     def moment(self, p: int, q: int) -> Floats:
         """Central moment ``E[(a - E a)^p (b - E b)^q]``, without bias correction."""
-        with np.errstate(invalid="ignore", divide="ignore"):
+        with undefined():
             return np.asarray(self.sums[self.orders.index((p, q))] / self.n)

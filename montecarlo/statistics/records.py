@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from rattle.montecarlo.statistics.section_statistics import ratio_or_zero, undefined
 from rattle.scene import Floats, Ints, section_names
 
 RUN_BATCHES = 32
@@ -46,7 +47,7 @@ class Batches:
             (s.n, s.mean[0], s.sums[0]) if s else sums["weighted"].batch(before.shape[1])
         )
         n = before + own
-        share = np.divide(own, n, out=np.zeros_like(n), where=n > 0.0)
+        share = ratio_or_zero(own, n)
         away = mean - self.mean[b]
         self.squares[b] += squares + away**2 * before * share
         self.mean[b] += away * share
@@ -58,7 +59,7 @@ class Batches:
     def sd(self) -> Floats:
         """Standard deviation in each batch, shape (RUN_BATCHES, impacts, quantities); NaN where no
         path had the impact."""
-        with np.errstate(invalid="ignore", divide="ignore"):
+        with undefined():
             return np.asarray(np.sqrt(self.squares / self.n))
 
 
@@ -86,10 +87,9 @@ class Histograms:
         Shapes: `section` (paths, impacts, quantities).
         """
         _, impacts, quantities = section.shape
-        seen = np.isfinite(section)
-        n = np.maximum(seen.sum(axis=0), 1)
-        mean = np.where(seen, section, 0.0).sum(axis=0) / n
-        sd = np.sqrt((np.where(seen, section - mean, 0.0) ** 2).sum(axis=0) / n)
+        seen = np.ma.masked_invalid(section)
+        mean = seen.mean(axis=0).filled(0.0)
+        sd = seen.std(axis=0).filled(0.0)
         sd = np.where(sd > 0.0, sd, 1e-12)
         return cls(
             mean - HISTOGRAM_REACH * sd,

@@ -12,12 +12,32 @@ from rattle.scene.elementary import powers
 
 Orders = tuple[tuple[int, int], ...]
 
+Polynomial = Sequence[Floats | float]
+"""Coefficients in ascending order."""
+
+Pairs = Sequence[tuple[int, int]]
+"""Places of two variables each."""
+
+SectionColumns = Mapping[str, NDArray[Any]]
+"""The columns of a table of section moments by name; (impacts,) each."""
+
 SINGLE: Orders = tuple((p, 0) for p in range(2, 9))
 """Orders for one variable: up to 8, for the standard error of the fourth cumulant needs the eighth
 moment."""
 
 PAIR: Orders = tuple((p, q) for p in range(5) for q in range(5) if 2 <= p + q <= 4)
 """Orders for two variables: up to 4, for the standard error of a correlation needs the fourth."""
+
+
+def undefined() -> np.errstate:
+    """A context without warnings where what few observations leave undefined becomes NaN."""
+    return np.errstate(invalid="ignore", divide="ignore")
+
+
+def ratio_or_zero(a: NDArray[Any], b: Floats) -> Floats:
+    """``a / b``; 0 where b is zero."""
+    ratio: Floats = np.divide(a, b, out=np.zeros_like(b), where=b != 0.0)
+    return ratio
 
 
 class Summed(Protocol):
@@ -58,7 +78,7 @@ def quantity_at(place: int) -> str:
     return section_names(place)[place]
 
 
-def stack_section(columns: Mapping[str, NDArray[Any]], prefix: str = "") -> Floats:
+def stack_section(columns: SectionColumns, prefix: str = "") -> Floats:
     """The columns of all section quantities whose names have a prefix.
 
     Shapes: `columns` (impacts,); result (quantities, impacts).
@@ -66,9 +86,7 @@ def stack_section(columns: Mapping[str, NDArray[Any]], prefix: str = "") -> Floa
     return np.array([columns[prefix + q] for q in quantities_in(columns)], dtype=float)
 
 
-def variance_of(
-    coefficients: Sequence[Floats | float], moments: Sequence[Floats] | Floats
-) -> Floats:
+def variance_of(coefficients: Polynomial, moments: Polynomial | Floats) -> Floats:
     """Variance of a polynomial in a standardised variable, coefficients in ascending order, given
     its moments."""
     square: Floats | float = 0.0
@@ -82,7 +100,7 @@ def variance_of(
 
 def mean_statistics(sums: Summed) -> dict[str, Floats]:
     """Mean of the first variable with its standard error."""
-    with np.errstate(invalid="ignore", divide="ignore"):
+    with undefined():
         se = np.sqrt(sums.moment(2, 0) / sums.n)
     return {"mean": np.where(sums.n > 0, sums.mean[0], np.nan), "se_mean": se}
 
@@ -96,26 +114,18 @@ def single_statistics(sums: Summed) -> dict[str, Floats]:
     where the sixth and the eighth power of the sd underflow: below about 1e-51 and 1e-38.
     """
     n = sums.n
-    with np.errstate(invalid="ignore", divide="ignore"):
+    with undefined():
         m2 = sums.moment(2, 0)
         sd = np.sqrt(m2)
         unit = powers(sd, 8)
-        z = [np.ones_like(n), np.zeros_like(n), np.ones_like(n)] + [
-            sums.moment(p, 0) / unit[p] for p in range(3, 9)
-        ]
-        skew = z[3]
-        kurt = z[4]
-        one = np.ones_like(n)
-        nil = np.zeros_like(n)
-        influence_skew = [1.5 * skew, -3.0 * one, -1.5 * skew, one]  # z^3 - 3 z - 3/2 g (z^2 - 1)
+        higher = [sums.moment(p, 0) / unit[p] for p in range(3, 9)]
+        z: Polynomial = [1.0, 0.0, 1.0, *higher]
+        skew = higher[0]
+        kurt = higher[1]
+        # z^3 - 3 z - 3/2 g (z^2 - 1)
+        influence_skew: Polynomial = [1.5 * skew, -3.0, -1.5 * skew, 1.0]
         # z^4 - 4 g z - 2 k (z^2 - 1)
-        influence_kurt = [
-            2.0 * kurt,
-            -4.0 * skew,
-            -2.0 * kurt,
-            nil,
-            one,
-        ]
+        influence_kurt: Polynomial = [2.0 * kurt, -4.0 * skew, -2.0 * kurt, 0.0, 1.0]
         fourth = sums.moment(4, 0)
         return {
             "mean": np.where(n > 0, sums.mean[0], np.nan),
@@ -139,7 +149,7 @@ def pair_statistics(sums: Summed) -> dict[str, Floats]:
     the variances underflows.
     """
     n = sums.n
-    with np.errstate(invalid="ignore", divide="ignore"):
+    with undefined():
         a = sums.moment(2, 0)
         b = sums.moment(0, 2)
         c = sums.moment(1, 1)
@@ -228,7 +238,7 @@ def estimate_remainder(change: Floats, before: Floats, se: Floats) -> Floats:
     earlier change has about twice the error.
     """
     missing = 2.0 * change - before
-    with np.errstate(invalid="ignore", divide="ignore"):
+    with undefined():
         ratio = before / change
         slow = (np.abs(missing) > 3.0 * BEYOND * se) & (ratio < SLOW_RATIO)
     return np.abs(missing) / (np.where(slow, np.maximum(ratio, SLOWEST_RATIO), 4.0) - 1.0)
@@ -237,7 +247,7 @@ def estimate_remainder(change: Floats, before: Floats, se: Floats) -> Floats:
 def sd_influence(v: Mapping[tuple[int, int], Floats], a: Floats, b: Floats) -> list[Floats]:
     """Variances and covariance of the influence functions ``((u - E u)^2 - a^2) / 2a`` of two
     sds."""
-    with np.errstate(invalid="ignore", divide="ignore"):
+    with undefined():
         parts = [
             (v[4, 0] - v[2, 0] ** 2) / (4.0 * a * a),
             (v[2, 2] - v[2, 0] * v[0, 2]) / (4.0 * a * b),

@@ -1,11 +1,11 @@
 """Mergeable sums over weighted paths, and the moments and standard errors that follow from them."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from math import comb
 
 import numpy as np
 
+from rattle.montecarlo.statistics.section_statistics import Pairs, Polynomial, undefined
 from rattle.scene import Floats, Ints
 from rattle.scene.compiled import lean
 
@@ -13,18 +13,22 @@ from rattle.scene.compiled import lean
 ONCE = 5
 TWICE = 9
 THRICE = 7
-WEIGHTED_ORDERS = ONCE + TWICE + THRICE
+ORDERS = (ONCE, TWICE, THRICE)
+WEIGHTED_ORDERS = sum(ORDERS)
 # variance of what does not vary but by rounding: the displacement at a wall that all paths strike
 ROUNDING_VARIANCE = 1e-60
 
 
 @lean
-def add(rows: Floats, weights: Floats, centre: Floats, sums: Floats) -> None:
-    """Add the paths of one part to its sums, about a centre; impacts that a path did not have count
-    nothing.
+def add(
+    rows: Floats, weights: Floats, centre: Floats, pairs: Ints, sums: Floats, products: Floats
+) -> None:
+    """Add the paths of one part to its sums, and to those of the products of pairs of variables,
+    about a centre; impacts that a path did not have count nothing.
 
     Shapes: `rows` (paths, impacts, columns); `weights` (paths, impacts); `centre` (impacts,
-    variables); `sums` (impacts, variables, WEIGHTED_ORDERS).
+    variables); `pairs` (pairs, 2); `sums` (impacts, variables, WEIGHTED_ORDERS); `products`
+    (impacts, pairs).
     """
     for p in range(rows.shape[0]):
         for k in range(rows.shape[1]):
@@ -34,41 +38,20 @@ def add(rows: Floats, weights: Floats, centre: Floats, sums: Floats) -> None:
             for q in range(sums.shape[1]):
                 d = rows[p, k, q] - centre[k, q]
                 s = sums[k, q]
-                once = w
-                twice = w * w
-                thrice = w * w * w
-                for o in range(ONCE):
-                    s[o] += once
-                    s[ONCE + o] += twice
-                    s[ONCE + TWICE + o] += thrice
-                    once = once * d
-                    twice = twice * d
-                    thrice = thrice * d
-                for o in range(ONCE, TWICE):
-                    s[ONCE + o] += twice
-                    twice *= d
-                for o in range(ONCE, THRICE):
-                    s[ONCE + TWICE + o] += thrice
-                    thrice *= d
-
-
-@lean
-def add_products(
-    rows: Floats, weights: Floats, centre: Floats, pairs: Ints, products: Floats
-) -> None:
-    """Add the weighted products of the deviations of pairs of variables.
-
-    Shapes: as of `add`; `pairs` (pairs, 2); `products` (impacts, pairs).
-    """
-    for p in range(rows.shape[0]):
-        for k in range(rows.shape[1]):
-            w = weights[p, k]
-            if w > 0.0:
-                for j in range(pairs.shape[0]):
-                    a, b = pairs[j]
-                    products[k, j] += (
-                        w * (rows[p, k, a] - centre[k, a]) * (rows[p, k, b] - centre[k, b])
-                    )
+                weight = w
+                first = 0
+                for orders in ORDERS:
+                    term = weight
+                    for o in range(first, first + orders):
+                        s[o] += term
+                        term *= d
+                    first += orders
+                    weight *= w
+            for j in range(pairs.shape[0]):
+                a, b = pairs[j]
+                products[k, j] += (
+                    w * (rows[p, k, a] - centre[k, a]) * (rows[p, k, b] - centre[k, b])
+                )
 
 
 @dataclass(frozen=True)
@@ -88,18 +71,17 @@ class WeightedSums:
         weights: Floats,
         centre: Floats,
         counts: Ints,
-        pairs: Sequence[tuple[int, int]],
+        pairs: Pairs,
     ) -> "WeightedSums":
         """Sums of a block of weighted paths, those of each part one after another, so many.
 
         Shapes: `values` (paths, impacts, variables); `weights` (paths, impacts).
         """
         sums = np.zeros((counts.size, *centre.shape, WEIGHTED_ORDERS))
+        products = np.zeros((len(centre), len(pairs)))
         for i, end in enumerate(np.cumsum(counts)):
             part = slice(end - counts[i], end)
-            add(values[part], weights[part], centre, sums[i])
-        products = np.zeros((len(centre), len(pairs)))
-        add_products(values, weights, centre, np.array(pairs), products)
+            add(values[part], weights[part], centre, np.array(pairs), sums[i], products)
         return cls(counts.astype(float), centre, sums, products)
 
     def merge(self, other: "WeightedSums") -> "WeightedSums":
@@ -123,7 +105,7 @@ class WeightedSums:
 
     def batch(self, quantities: int) -> tuple[Floats, Floats, Floats]:
         """Weight, mean and sum of squares of the first variables, the section quantities."""
-        with np.errstate(invalid="ignore", divide="ignore"):
+        with undefined():
             w, first, second = (self.sums[:, :, :quantities, o].sum(axis=0) for o in range(3))
             off = np.nan_to_num(first / w)
         return w, self.centre[:, :quantities] + off, np.maximum(second - off * first, 0.0)
@@ -139,26 +121,30 @@ class WeightedSums:
 
         Shapes: result (impacts, variables).
         """
-        with np.errstate(invalid="ignore", divide="ignore"):
+        with undefined():
             off = self.sums[..., 1].sum(axis=0) / self.weight
             about = _shift(self.sums, off)
             m2, m3, m4 = (about[..., o].sum(axis=0) / self.weight for o in (2, 3, 4))
             m2 = np.where(m2 > ROUNDING_VARIANCE, m2, np.nan)
-            one = np.ones_like(m2)
-            nil = np.zeros_like(m2)
-            of_mean = [nil, one]
+            of_mean = [0.0, 1.0]
             error = self._covariance(about, of_mean, of_mean)
-            variance = np.maximum(m2 + error + self._covariance(about, [-m2, nil, one], [one]), 0.0)
+            variance = np.maximum(m2 + error + self._covariance(about, [-m2, 0.0, 1.0], [1.0]), 0.0)
             sd = np.where(m2 > 0.0, np.sqrt(variance), 0.0)
             # NaN of what does not vary
             skew = m3 / m2**1.5
             kurt = m4 / m2**2
-            of_square = [-m2, nil, one]
-            of_skew = [1.5 * skew, -3.0 * one / m2**0.5, -1.5 * skew / m2, one / m2**1.5]
-            of_kurt = [2.0 * kurt, -4.0 * skew / m2**0.5, -2.0 * kurt / m2, nil, one / m2**2]
+            of_square: Polynomial = [-m2, 0.0, 1.0]
+            of_skew: Polynomial = [1.5 * skew, -3.0 / m2**0.5, -1.5 * skew / m2, 1.0 / m2**1.5]
+            of_kurt: Polynomial = [
+                2.0 * kurt,
+                -4.0 * skew / m2**0.5,
+                -2.0 * kurt / m2,
+                0.0,
+                1.0 / m2**2,
+            ]
             se_square = np.sqrt(self._covariance(about, of_square, of_square))
             return {
-                "mean": self.centre + off + self._covariance(about, of_mean, [one]),
+                "mean": self.centre + off + self._covariance(about, of_mean, [1.0]),
                 "se_mean": np.sqrt(error),
                 "sd": sd,
                 "se_sd": np.where(sd > 0.0, se_square / (2.0 * sd), 0.0 * sd),
@@ -174,7 +160,7 @@ class WeightedSums:
                 ),
             }
 
-    def _covariance(self, about: Floats, a: list[Floats], b: list[Floats]) -> Floats:
+    def _covariance(self, about: Floats, a: Polynomial, b: Polynomial) -> Floats:
         """Covariance of the weighted means of two polynomials (ascending coefficients), from within
         the parts."""
         n = self.paths[:, None, None]
@@ -185,23 +171,23 @@ class WeightedSums:
         total = within.sum(axis=0) / self.weight**2
         return np.asarray(np.maximum(total, 0.0) if a is b else total)
 
-    def _third(self, about: Floats, a: list[Floats]) -> Floats:
+    def _third(self, about: Floats, a: Polynomial) -> Floats:
         """Third moment of the error of the weighted mean of a polynomial of at most second
         degree."""
         thrice = about[..., ONCE + TWICE :].sum(axis=0)
-        total = np.zeros_like(a[0])
+        total = np.zeros_like(self.weight)
         for i, p in enumerate(a):
             for j, q in enumerate(a):
                 for k, r in enumerate(a):
                     total += p * q * r * thrice[..., i + j + k]
         return np.asarray(total / self.weight**3)
 
-    def pair_moment(self, pairs: Sequence[tuple[int, int]]) -> Floats:
+    def pair_moment(self, pairs: Pairs) -> Floats:
         """Covariances of pairs of variables.
 
         Shapes: result (impacts, pairs).
         """
-        with np.errstate(invalid="ignore", divide="ignore"):
+        with undefined():
             off = self.sums[..., 1].sum(axis=0) / self.weight
             first, second = np.array(pairs).T
             return np.asarray(
@@ -213,7 +199,7 @@ def _shift(sums: Floats, by: Floats) -> Floats:
     """The same sums about a centre that lies further by `by`, by the binomial theorem."""
     out = np.zeros_like(sums)
     first = 0
-    for orders in (ONCE, TWICE, THRICE):
+    for orders in ORDERS:
         for o in range(orders):
             for j in range(o + 1):
                 out[..., first + o] += comb(o, j) * (-by) ** (o - j) * sums[..., first + j]

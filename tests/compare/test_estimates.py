@@ -83,4 +83,3 @@ def test_the_periods_of_an_estimate_are_those_of_the_run():
     expected = expect_run(SCENE, 64, periods=64, burn_in=32)
     found = long_run(SCENE, paths=64, periods=64, burn_in=32, rng=3)
     assert expected.periods == pytest.approx(found.burn_in.periods + found.periods, rel=0.1)
-    assert expected.lengthen(expected.periods) == 2.0 * expected.core_seconds
