@@ -22,12 +22,13 @@ from rattle.scene import Constants, Floats, InputError, Scene
 from rattle.scene.compiled import jit
 from rattle.scene.damping import decay, phi1
 from rattle.scene.elementary import unknown
-from rattle.scene.flight import NODES, PANEL, WEIGHTS, flow, noise_covariance
+from rattle.scene.flight import flow, noise_covariance
 from rattle.scene.impact import strike
 from rattle.scene.linear_algebra import beyond, put
 from rattle.scene.moments import gaussian_raw_moments
 from rattle.scene.orbit import last_until
 from rattle.scene.parts import SINE_ALONE
+from rattle.scene.wheel import complete_wheels
 
 SCAN = 0.05  # time step of the search for a counter mesh; E[x_i] moves about a tenth of a gap in it
 LONGEST_MAPPED_FLIGHT = 20.0  # longest flight; the map ends if there is no counter mesh in it
@@ -36,10 +37,17 @@ BINOMIALS = np.array([[comb(n, k) for k in range(7)] for n in range(7)], dtype=f
 
 @jit
 def _in_flight(
-    c: Constants, tau: float, mean: Floats, shift: Floats, raw: Floats, t: float, windows: Floats
+    c: Constants,
+    last: Constants,
+    tau: float,
+    mean: Floats,
+    shift: Floats,
+    raw: Floats,
+    t: float,
+    windows: Floats,
 ) -> tuple[Floats, Floats, Floats]:
     """Mean (Eq. 22), its shift, and the raw moments of both stages, a time `t` after the impact at
-    `tau`."""
+    `tau`; `last`: of `last_wheel_alone`."""
     first = c.wheels[0]
     # the unperturbed x, y of Eqs. 7 and 10
     state = beyond(mean, -1.0, shift)
@@ -50,7 +58,7 @@ def _in_flight(
     if c.wheels.size == 2:
         # Eq. 14; its term with E[zeta_1] stays zero, for every first moment starts at zero
         beta2 = c.wheels[1].beta
-        put(raw_t[1], after_flight(raw[1], beta2, t, plain_covariance(beta2, c.sigma, t)))
+        put(raw_t[1], after_flight(raw[1], beta2, t, noise_covariance(last, tau, t)))
     shift_t = np.zeros(mean.size)
     for i in range(c.wheels.size):
         x = 2 * i
@@ -74,6 +82,17 @@ def _in_flight(
     return mean_t, shift_t, raw_t
 
 
+def last_wheel_alone(c: Constants) -> Constants:
+    """The last wheel by itself, under noise on its velocity that is not modulated, as in Eq. 14."""
+    wheels = c.wheels[-1:].copy()
+    wheels["parent"] = -1
+    wheels["sign"] = 1.0
+    wheels["own"] = 1.0
+    wheels["alone"] = 0.0
+    complete_wheels(wheels, c.drive)
+    return c._replace(wheels=wheels, modulates=0.0)
+
+
 def after_impact(c: Constants, raw: Floats) -> Floats:
     """Eqs. 15 and 17 for ``p != 0``; what has ``p = 0`` stays (a single stage follows Eq. 15)."""
     out = raw.copy()
@@ -89,14 +108,20 @@ def after_impact(c: Constants, raw: Floats) -> Floats:
 
 @np.errstate(all="ignore")
 def _counter_mesh(
-    c: Constants, tau: float, mean: Floats, shift: Floats, raw: Floats, windows: Floats
+    c: Constants,
+    last: Constants,
+    tau: float,
+    mean: Floats,
+    shift: Floats,
+    raw: Floats,
+    windows: Floats,
 ) -> tuple[float, int]:
     """The smaller time at which ``E[x_i] = -E[x_i]_k``, and its stage; stage 0 if there is none."""
     earlier = 0.0
     before = mean + mean
     while earlier < LONGEST_MAPPED_FLIGHT:
         later = earlier + SCAN
-        now = _in_flight(c, tau, mean, shift, raw, later, windows)[0] + mean
+        now = _in_flight(c, last, tau, mean, shift, raw, later, windows)[0] + mean
         best = np.inf
         stage = 0
         for i in range(c.wheels.size):
@@ -108,7 +133,7 @@ def _counter_mesh(
             high = later
             for _ in range(60):  # regula falsi (Illinois variant)
                 t = (low * f_high - high * f_low) / (f_high - f_low)
-                f = _in_flight(c, tau, mean, shift, raw, t, windows)[0][2 * i] + mean[2 * i]
+                f = _in_flight(c, last, tau, mean, shift, raw, t, windows)[0][2 * i] + mean[2 * i]
                 if f * f_high < 0.0:
                     low = high
                     f_low = f_high
@@ -160,6 +185,7 @@ def check(scene: Scene) -> None:
 def trace(scene: Scene, impacts: int, order: int) -> Trace:
     """Follow the published mean map."""
     c = scene.constants
+    alone = last_wheel_alone(c)
     windows = np.array(scene.windows)
     tau = unknown(impacts + 1)
     mesh, side = np.zeros((2, impacts + 1), np.int64)
@@ -176,13 +202,13 @@ def trace(scene: Scene, impacts: int, order: int) -> Trace:
     found = 0
     while found < impacts:
         last = tau[found], mean[found], shift[found], after[found]
-        t, stage = _counter_mesh(c, *last, windows)
+        t, stage = _counter_mesh(c, alone, *last, windows)
         if stage == 0:
             break
         found += 1
         tau[found] = last[0] + t
         mesh[found] = stage
-        mean[found], shift[found], before[found] = _in_flight(c, *last, t, windows)
+        mean[found], shift[found], before[found] = _in_flight(c, alone, *last, t, windows)
         side[found] = np.copysign(1, mean[found, 2 * stage - 2])
         after[found] = after_impact(c, before[found])
     covariance = _covariance(before)
@@ -195,7 +221,7 @@ def trace(scene: Scene, impacts: int, order: int) -> Trace:
         f" after impact {found}"
     )
     stopped = "" if found == impacts else ended
-    at = partial(_at, c, windows, tau[: found + 1], mean, shift, after)
+    at = partial(_at, c, alone, windows, tau[: found + 1], mean, shift, after)
     return Trace(
         tau, mesh, side, mean, sd, np.full_like(sd, np.nan), covariance, before, at, found, stopped
     )
@@ -203,6 +229,7 @@ def trace(scene: Scene, impacts: int, order: int) -> Trace:
 
 def _at(
     c: Constants,
+    last: Constants,
     windows: Floats,
     tau: Floats,
     mean: Floats,
@@ -212,7 +239,8 @@ def _at(
 ) -> tuple[Floats, Floats]:
     """Mean and covariance of the state at a local time."""
     k = last_until(tau, time)
-    mean_t, _, raw = _in_flight(c, tau[k], mean[k], shift[k], after[k], time - tau[k], windows)
+    started = tau[k], mean[k], shift[k], after[k]
+    mean_t, _, raw = _in_flight(c, last, *started, time - tau[k], windows)
     return mean_t, _covariance(raw)
 
 
@@ -240,28 +268,3 @@ def after_flight(raw: Floats, beta: float, t: float, q: Floats) -> Floats:
                         BINOMIALS[n, i] * BINOMIALS[p, j] * flown[i, j] * noise[n - i, p - j]
                     )
     return out
-
-
-@jit
-def plain_covariance(beta: float, sigma: float, t: float) -> Floats:
-    """Noise covariance of a flight if the noise on the velocity were not modulated, as in Eq. 14.
-
-    Shapes: result (2, 2).
-    """
-    q = np.zeros((2, 2))
-    panel = min(PANEL, 2.0 / beta) if beta > 0.0 else PANEL
-    lag = 0.0
-    while lag < t:
-        h = min(panel, t - lag)
-        for n in range(NODES.size):
-            r = lag + h * NODES[n]
-            e = phi1(beta, r)
-            d = decay(beta, r)
-            w = sigma * sigma * h * WEIGHTS[n]
-            q[0, 0] += w * e * e
-            q[0, 1] += w * e * d
-            q[1, 1] += w * d * d
-        lag += h
-        panel = min(PANEL, 2.0 * panel)
-    q[1, 0] = q[0, 1]
-    return q

@@ -15,7 +15,7 @@ import pandas as pd
 from jinja2 import Environment, StrictUndefined
 
 from rattle.closure import mean_map
-from rattle.closure.published import after_flight, after_impact, plain_covariance
+from rattle.closure.published import after_flight, after_impact, last_wheel_alone
 from rattle.compare.chaos.exponents import NOISY_PATH, ORBIT, Exponents, say_crossings
 from rattle.compare.chaos.measure import CLAIMED
 from rattle.compare.chaos.record import STICKS_AT_TIMES, STICKS_FOR_GOOD, STICKS_OFTEN
@@ -130,6 +130,7 @@ def failures(scene: Scene) -> dict[str, list[Failure]]:
     """
     tau = mean_map(scene, impacts=FOLLOWED, closure="published").trace.tau
     c = scene.constants
+    alone = last_wheel_alone(c)
     tau = tau[np.isfinite(tau)]
     by_rule = {}
     for rule in (AS_PUBLISHED, MEND_15, MEND_17, MEND_BOTH):
@@ -137,7 +138,7 @@ def failures(scene: Scene) -> dict[str, list[Failure]]:
         first = {stage: Failure(stage, 0, "") for stage in (1, 2)}
         for impact, (start, t) in enumerate(zip(tau, np.diff(tau), strict=False), start=1):
             raw[0] = after_flight(raw[0], scene.beta1, t, noise_covariance(c, start, t))
-            raw[1] = after_flight(raw[1], scene.beta2, t, plain_covariance(scene.beta2, c.sigma, t))
+            raw[1] = after_flight(raw[1], scene.beta2, t, noise_covariance(alone, start, t))
             for stage, m in enumerate(raw, start=1):
                 judged = realizability(np.array([[m[2, 0], m[1, 1]], [m[1, 1], m[0, 2]]]))
                 if not judged.realizable and not first[stage].impact:
