@@ -13,7 +13,7 @@ import math
 import warnings
 from dataclasses import replace
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any
 
 from rattle.montecarlo.accuracy.cost import (
     cost_of,
@@ -302,25 +302,22 @@ def _cut_short(
     )
 
 
-class _Look(NamedTuple):
-    """What a look at a run says of the next one."""
+def _look_at(run: Ensemble, accuracy: float, look: int, grain: int) -> tuple[int, bool]:
+    """Bound the errors of a run with the share of a look, and foresee the next one.
 
-    paths: int  # that the next look should suffice with; those of the run where it suffices
-    step_too_long: bool  # whether the bias of the step is shown to take too much of the accuracy
-
-
-def _look_at(run: Ensemble, accuracy: float, look: int, grain: int) -> _Look:
-    """Bound the errors of a run with the share of a look, and foresee the next one."""
+    Returns: Paths that the next look should suffice with, those of the run where it suffices; and
+    whether the bias of the step is shown to take too much of the accuracy.
+    """
     step, se_step = step_error(run)
     too_long = (
         SCHEMES[run.scheme].has_step_bias and step > MOST_BIAS * accuracy and step > 3.0 * se_step
     )
     if error_bound(run, share_of_look(look)).error + step <= accuracy:
-        return _Look(run.paths, too_long)
+        return run.paths, too_long
     room = max(accuracy - step, LEAST_ROOM * accuracy)  # for the error of sampling
     needed = expect_paths(run, room, share_of_look(look + 1)).paths
     # more also where a bias may be noise
-    return _Look(grow(run.paths, needed, LAST_LOOK_SPARE, grain), too_long)
+    return grow(run.paths, needed, LAST_LOOK_SPARE, grain), too_long
 
 
 def _follow_up(
@@ -363,7 +360,7 @@ def _follow_up(
         look += 1
         took = (clock() - began) / (run.paths - before) if run.paths > pilot_run.run.paths else 0.0
         seconds_per_path = took or pilot_run.path_seconds
-        found = _look_at(run, accuracy, look, grain)
+        wanted, too_long = _look_at(run, accuracy, look, grain)
         late = exact and run.plan.mixture is None and run.paths > MOST_GROWTH * tried
         if late and budget.remaining > 0.0:  # a spread that was found late
             begin = partial(begin_rare, run, run.paths, blocks)
@@ -375,18 +372,18 @@ def _follow_up(
                 began = clock()
                 continue
         shorter = 0.5 * run.dt
-        if found.step_too_long and shorter < shortest:
+        if too_long and shorter < shortest:
             return run, math.inf, look
         # half the step takes as long as twice the paths
-        more = 2 * run.paths if found.step_too_long else max(found.paths, fewest) - run.paths
+        more = 2 * run.paths if too_long else max(wanted, fewest) - run.paths
         seconds = max(budget.remaining, 0.0)
         affordable = int(min(seconds / seconds_per_path, 1e15)) // grain * grain
-        if more == 0 or affordable <= 0 or (found.step_too_long and affordable < more):
+        if more == 0 or affordable <= 0 or (too_long and affordable < more):
             missing = 0.0 if exact or more == 0 else expected.core_seconds
             return run, max(more * seconds_per_path, missing), look
         began = clock()
-        before = 0 if found.step_too_long else run.paths
-        if found.step_too_long:
+        before = 0 if too_long else run.paths
+        if too_long:
             run = simulate(paths=run.paths, dt=shorter, **settings)
         else:
             paths = min(run.paths + min(more, affordable), MOST_GROWTH * run.paths)
