@@ -2,10 +2,9 @@
 them."""
 
 import math
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from copy import copy
-from dataclasses import asdict, dataclass, field, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any, TypeVar
@@ -17,7 +16,6 @@ from rattle.scene import errors, gears_input
 from rattle.scene.errors import InputError, suggesting
 from rattle.scene.files import in_file, read_text, read_toml
 from rattle.scene.gears import DAT21, Gears, change_gears
-from rattle.scene.loose_wheel import as_table
 from rattle.scene.noise import DRIVE_NOISE, NoiseSources, list_sources, read_noise
 from rattle.scene.parts import (
     GAPS,
@@ -26,7 +24,6 @@ from rattle.scene.parts import (
     SINE_ALONE,
     TWO_STATES,
     Order,
-    Restitution,
     Start,
     Tolerance,
     Wheel,
@@ -35,8 +32,18 @@ from rattle.scene.parts import (
     move_to_flanks,
     wheel_labels,
 )
+from rattle.scene.scene_checks import (
+    are_in_a_row,
+    check_springs,
+    check_start,
+    check_tolerance,
+    of_wheel,
+    short_form,
+    sort_orders,
+)
+from rattle.scene.scene_tables import FREE_FIELDS, SHORT, read_tables, write_tables
 from rattle.scene.text import as_call, as_html
-from rattle.scene.types import SINE, WHEEL, Constants, Facts, Floats, Orders, Wheels
+from rattle.scene.types import Constants, Facts, Floats, Wheels
 from rattle.scene.words import BODIES, GEARBOX, PAIR, Words
 
 Times = TypeVar("Times", float, Floats)
@@ -54,24 +61,7 @@ CACHED = ("tree", "_compiled_wheels", "law", "noise_sources")
 """What a scene computes once and keeps."""
 UNRELATED = {"sigma", "start"}
 """Fields whose change leaves that as it is."""
-FAR_ORDERS = 8
-"""Gap between orders above which the sine of the next one is not computed from that of the last."""
-SHORT = {
-    "beta1": 0.0,
-    "gamma1": 0.0,
-    "beta2": 0.0,
-    "gamma2": 0.0,
-    "mu": 0.0,
-    "gap1": 0.5,
-    "gap2": 0.5,
-}
-"""Fields of one or two wheels in a row, and what they are in a scene of `Wheel`, which has no use
-for them."""
 PLAIN_WHEEL = Wheel(beta=0.0, gamma=0.0)
-TABLES = ("gears", "wheel", "body", "scene", "drive")
-"""Tables of a scene file."""
-FREE_FIELDS = ("sigma", "tolerance", "start", "stages", "drive", "correlation_time", "noise")
-"""Fields of a scene that gears do not fix."""
 
 
 @suggesting
@@ -209,16 +199,16 @@ class Scene:
             )
         errors.check_range("mu", self.mu, LEAST_SIZE, 1.0)
         errors.non_negative("correlation_time", self.correlation_time, *MEMORY_RANGE)
-        self._check_drive()
-        self._check_springs()
+        object.__setattr__(self, "drive", sort_orders(self.drive))
+        check_springs(self.tree)
         for label, wheel in zip(self.wheel_names, self.tree, strict=True):
-            with _of_wheel(label):
+            with of_wheel(label):
                 _ = wheel.law  # refuses one that does not fit its epsilon
         self._check_noise()
-        self._check_tolerance()
+        check_tolerance(self.tolerance, self.tree, not self.wheels)
         if self.start is None:
             object.__setattr__(self, "start", self._default_start)
-        self._check_start()
+        check_start(self.start, self.tree)
 
     def _check_gears(self) -> None:
         """Keep the gears only as long as all that they fix is theirs."""
@@ -254,40 +244,6 @@ class Scene:
     def _repr_html_(self) -> str:
         return as_html(repr(self))
 
-    def _check_drive(self) -> None:
-        """Put the orders in ascending order, or say what is wrong with them."""
-        try:
-            orders = tuple(self.drive)
-        except TypeError:
-            raise InputError("drive", self.drive, "give a sequence of Order") from None
-        for one in orders:
-            if not isinstance(one, Order):
-                raise InputError("drive", one, "give a sequence of Order")
-        numbers = [one.order for one in orders]
-        twice = [number for number in numbers if numbers.count(number) > 1]
-        if twice:
-            raise InputError(
-                "drive.order",
-                twice[0],
-                "is given twice; give one amplitude and phase to each order",
-            )
-        if not any(one.amplitude for one in orders):
-            raise InputError(
-                "drive",
-                orders,
-                "has no order with an amplitude; for a driver at rest give alpha = 0",
-            )
-        object.__setattr__(self, "drive", tuple(sorted(orders, key=lambda one: one.order)))
-
-    def _check_springs(self) -> None:
-        """Check that a spring holds only what meshes with the driver and drives nothing: its
-        displacement is its own."""
-        parents = [wheel.parent for wheel in self.tree]
-        for number, (label, wheel) in enumerate(zip(self.wheel_names, self.tree, strict=True), 1):
-            if wheel.stiffness and (wheel.parent != 0 or number in parents):
-                why = "a spring holds only what meshes with the driver and drives no other: 0 here"
-                raise InputError(f"wheel.{label}.stiffness", wheel.stiffness, why)
-
     def _check_noise(self) -> None:
         """Check that the noise acts on something that the scene has."""
         object.__setattr__(self, "noise", read_noise(self.noise, self.wheel_names))
@@ -322,19 +278,6 @@ class Scene:
         """
         return list_sources(self.noise, self.wheel_names)
 
-    def _check_tolerance(self) -> None:
-        if self.tolerance is None:
-            return
-        if not isinstance(self.tolerance, Tolerance):
-            raise InputError("tolerance", self.tolerance, "give a Tolerance")
-        for i, wheel in enumerate(self.tree, 1):
-            if not self.wheels and wheel.tolerance >= wheel.gap:
-                why = f"must be below gap{i} = {wheel.gap}, or a gap could close"
-                raise InputError(f"tolerance.c{i}_max", wheel.tolerance, why)
-        if self.wheels and max(self.tolerance.c1_max, self.tolerance.c2_max) > 0.0:
-            why = "of a scene of wheels is given with each: Wheel(tolerance=...)"
-            raise InputError("tolerance.c1_max", self.tolerance.c1_max, why)
-
     def _take_wheels(self) -> None:
         """Check the wheels of a gearbox; one or two in a row become the short form."""
         given = tuple(self.wheels)
@@ -356,21 +299,9 @@ class Scene:
         if self.epsilon is None:
             object.__setattr__(self, "epsilon", given[0].epsilon)
         values = {"wheels": given, "stages": len(given)}
-        if self.gears is None and _are_in_a_row(given, self.epsilon):
-            values |= self._short_form(given)
+        if self.gears is None and are_in_a_row(given, self.epsilon):
+            values |= short_form(given, self.tolerance)
         vars(self).update(values)
-
-    def _short_form(self, wheels: tuple[Wheel, ...]) -> Facts:
-        """The fields of one or two wheels in a row."""
-        values: Facts = {"wheels": ()}
-        for number, wheel in enumerate(wheels, 1):
-            values |= {f"{name}{number}": getattr(wheel, name) for name in ("beta", "gamma", "gap")}
-        if len(wheels) == 2:
-            values["mu"] = wheels[1].mass / (1.0 + wheels[1].mass)
-        if self.tolerance is not None and any(wheel.tolerance for wheel in wheels):
-            widths: Facts = {f"c{i}_max": wheel.tolerance for i, wheel in enumerate(wheels, 1)}
-            values["tolerance"] = replace(self.tolerance, **widths)
-        return values
 
     @cached_property
     def tree(self) -> tuple[Wheel, ...]:
@@ -456,41 +387,6 @@ class Scene:
             return Start(0.0, self.gap1, 2.0, self.gap2, 2.0, mesh=1)
         state = [value for wheel in self.wheels for value in (wheel.gap, 2.0)]
         return Start(0.0, state=tuple(state), mesh=1)
-
-    def _check_start(self) -> None:
-        start = self.start
-        if not isinstance(start, Start):
-            raise InputError("start", start, "give a Start")
-        if start.mesh > self.stages:
-            why = f"a scene of {self.stages} wheels has no mesh {start.mesh}"
-            if self.stages == 1:
-                why = "a single-stage scene has mesh 1 only"
-            raise InputError("start.mesh", start.mesh, why)
-        if len(start.values) < 2 * self.stages:
-            raise InputError("start", start, f"give state = (x1, y1, ...) of {self.stages} wheels")
-        for i, wheel in enumerate(self.tree, 1):
-            x, y = start.values[2 * i - 2 : 2 * i]
-            gap = wheel.gap
-            side = wheel.side_of(x)
-            ahead = x if wheel.one_sided else abs(x)
-            sides = "" if wheel.one_sided else "+-"
-            if ahead > gap - wheel.tolerance and side == 0:
-                inside = gap - wheel.tolerance
-                where = f"must lie on a flank (+-{gap}) or inside +-{inside}"
-                if wheel.one_sided:
-                    where = f"must lie on the wall ({gap}) or before it"
-                raise InputError(f"start.x{i}", x, where)
-            if start.mesh == i and side * y <= 0.0:
-                needed = f"an impact at mesh {i} needs x{i} = {sides}{gap} and y{i} outward"
-                raise InputError(
-                    "start.mesh", start.mesh, f"{needed}; given x{i} = {x}, y{i} = {y}"
-                )
-            if start.mesh == 0 and side * y >= 0.0 and side != 0:
-                raise InputError(
-                    f"start.y{i}",
-                    y,
-                    f"a start in flight on a flank must move inward, or give mesh={i}",
-                )
 
     @classmethod
     def from_gears(cls, gears: Gears, **settings: Any) -> "Scene":
@@ -724,11 +620,14 @@ class Scene:
     @property
     def constants(self) -> Constants:
         """The numbers of the scene for compiled code; a fixed tolerance is part of the walls."""
+        # here, for it loads numba, which --help has no use for
+        from rattle.scene.scene_constants import compile_orders
+
         return Constants(
             self.alpha,
             self.sigma,
             self._compiled_wheels,
-            self._orders,
+            compile_orders(self.drive),
             self.correlation_time,
             0.0 if self.noisy_wheel else 1.0,
         )
@@ -736,53 +635,10 @@ class Scene:
     @cached_property
     def _compiled_wheels(self) -> Wheels:
         """The wheels for compiled code, which only reads them."""
-        # here, for it loads numba, which --help has no use for
-        from rattle.scene.wheel import complete_wheels, restitution_pieces
+        from rattle.scene.scene_constants import compile_wheels
 
         fixed = self.tolerance is not None and self.tolerance.distribution == "fixed"
-        wheels: Wheels = np.zeros(len(self.tree), WHEEL)
-        for wheel, record in zip(self.tree, wheels, strict=True):
-            for name in ("ratio", "beta", "gamma", "stiffness", "mass"):
-                record[name] = getattr(wheel, name)
-            law = wheel.law
-            record.epsilon, record.variance = law.moments
-            record.slowing = law.slowing
-            record.rows = len(law.table)
-            if law.table:
-                pieces = restitution_pieces(law.table)
-                record.pieces[: len(pieces)] = pieces
-            record.wall = wheel.gap + fixed * wheel.tolerance
-            record.low = wheel.low_gap + fixed * wheel.tolerance
-            record.size = record.wall or 1.0  # a wall in the middle has the unit of length
-            parent = int(wheel.parent) - 1
-            record.parent = parent
-            record.sign = 1.0 if parent < 0 else -1.0
-            record.turn = wheel.ratio * (wheels[parent].turn if parent >= 0 else 1.0)
-        for source, (number, intensity) in enumerate(self.noise_sources):
-            if number:
-                wheels["alone" if source else "own"][number - 1] = intensity
-        complete_wheels(wheels, self._orders)
-        return wheels
-
-    @property
-    def _orders(self) -> Orders | tuple[()]:
-        """The drive for compiled code."""
-        moving = tuple(one for one in self.drive if one.amplitude)
-        if moving == SINE_ALONE:
-            return SINE
-        j = np.array([one.order for one in moving])
-        a, phase = (
-            np.array([getattr(one, name) for one in moving]) for name in ("amplitude", "phase")
-        )
-        gap = np.diff(j, prepend=0)
-        order = j.astype(float)
-        most1, most2, most3 = (float((abs(a) * order**n).sum()) for n in (1, 2, 3))
-        odd, even = (
-            a * np.array([turn(p) for p in phase.tolist()]) for turn in (math.cos, math.sin)
-        )
-        gap = np.where(gap > FAR_ORDERS, 0, gap)
-        waves = np.empty((2, len(j)))
-        return Orders(order, gap, odd, even, order[-1], most1, most2, most3, waves)
+        return compile_wheels(self.tree, fixed, self.noise_sources, self.drive)
 
     @property
     def differs_by_set(self) -> bool:
@@ -822,35 +678,7 @@ class Scene:
             any number of wheels, ``body`` where it is no gears, and ``drive`` where it is not the
             sine alone.
         """
-        values = fields_of(self, "gears", "drive")
-        values["tolerance"] = self.tolerance and asdict(self.tolerance)
-        values["start"] = self.start.table
-        if self.wheels:
-            values = {k: v for k, v in values.items() if k not in (*SHORT, "stages")}
-            values["wheels"] = [_as_table(wheel) for wheel in self.wheels]
-        else:
-            del values["wheels"]
-        for name in ("tolerance", "correlation_time"):
-            if not values[name]:
-                del values[name]
-        if self.noise == DRIVE_NOISE:
-            del values["noise"]
-        elif isinstance(self.noise, tuple):
-            values["noise"] = dict(self.noise)
-        if self.bodies is not self.is_gears:  # as it is without being said
-            del values["bodies"]
-        drive = {} if self.drive == SINE_ALONE else {"drive": [asdict(one) for one in self.drive]}
-        if self.gears is None:
-            bodies = {} if self.is_gears or not self.wheels else {"body": values.pop("wheels")}
-            return drive | {"scene": values} | bodies
-        gears = self.gears.values
-        wheels = [as_table(wheel) for wheel in gears.pop("wheels", ())]
-        return (
-            {"gears": gears}
-            | ({"wheel": wheels} if wheels else {})
-            | drive
-            | {"scene": {k: v for k, v in values.items() if k in FREE_FIELDS}}
-        )
+        return write_tables(fields_of(self), self.is_gears)
 
     @classmethod
     def from_dict(cls, data: Facts) -> "Scene":
@@ -872,58 +700,8 @@ class Scene:
         InputError
             For unknown or missing keys and values that are not admissible.
         """
-        errors.check_keys("top level", _table("scene", data), TABLES)
-        data = gears_input.take_measured(data)
-        settings = _table("scene", data.get("scene", {}))
-        if "drive" in settings:
-            raise InputError(
-                "scene.drive",
-                settings["drive"],
-                "write each order as a table [[drive]] beside [scene]",
-            )
-        for name, kind in {"tolerance": Tolerance, "start": Start}.items():
-            if name in settings:
-                settings[name] = kind(**_table(f"scene.{name}", settings[name], kind))
-        if "body" in data:
-            if "gears" in data or "wheels" in settings:
-                why = "stands in place of [gears] and [[scene.wheels]]; leave out one of them"
-                raise InputError("body", data["body"], why)
-            settings.setdefault("alpha", 0.0)
-            settings.setdefault("bodies", True)
-            settings["wheels"] = data["body"]
-        if "wheels" in settings:
-            place = "body" if "body" in data else "scene.wheels"
-            settings["wheels"] = _read_wheels(place, settings["wheels"])
-        if "gears" in data:
-            table = gears_input.own_amplitude(_table("gears", data["gears"]), data.get("drive"))
-            errors.check_keys("scene", settings, FREE_FIELDS)
-            gears = gears_input.read_gears(table, settings.get("stages", 2), data.get("wheel"))
-            if gears.wheels and "stages" in settings:
-                why = "leave it out: there are as many as tables [[wheel]]"
-                raise InputError("scene.stages", settings["stages"], why)
-            drawn = gears_input.read_tolerance(table, gears)
-            if drawn is not None:
-                if "tolerance" in settings:
-                    raise InputError(
-                        "gears.tolerance",
-                        drawn,
-                        "give it once: here in mm, or in [scene.tolerance]",
-                    )
-                settings["tolerance"] = Tolerance(**drawn)
-            if "drive" in data:
-                radius = table.get("driver_radius")
-                settings["drive"] = gears_input.read_drive(data["drive"], gears, radius)
-            return cls.from_gears(gears, **settings)
-        if "wheel" in data:
-            why = "needs [gears]; wheels of a scene without gears are tables [[scene.wheels]]"
-            raise InputError("wheel", data["wheel"], why)
-        errors.check_keys("scene", settings, (f.name for f in fields(cls) if f.name != "gears"))
-        needed = ("alpha",) if "wheels" in settings else ("alpha", "epsilon", "beta1", "gamma1")
-        if missing := [name for name in needed if name not in settings]:
-            raise InputError("scene", missing, "these keys are missing")
-        if "drive" in data:
-            settings["drive"] = gears_input.read_drive(data["drive"])
-        return cls(**settings)
+        gears, settings = read_tables(data, [f.name for f in fields(cls)])
+        return cls(**settings) if gears is None else cls.from_gears(gears, **settings)
 
     def to_toml(self) -> str:
         """The scene as TOML text; `from_toml` gives the same scene back, to the last bit.
@@ -990,59 +768,6 @@ class Scene:
         return scene
 
 
-def _are_in_a_row(wheels: tuple[Wheel, ...], epsilon: float) -> bool:
-    """Whether wheels are the paper's one or two stages: in a row, nameless, with one restitution
-    and one radius each."""
-    parents = [wheel.parent for wheel in wheels]
-    plain = all(
-        w.ratio == 1.0
-        and w.epsilon in (None, epsilon)
-        and not w.name
-        and not w.one_sided
-        and not w.stiffness
-        and w.restitution is None
-        for w in wheels
-    )
-    return plain and parents in ([0], [0, 1])
-
-
-def _as_table(wheel: Wheel) -> Facts:
-    """A wheel as plain data; what is as by default is left out."""
-    table = as_table(wheel)
-    if wheel.restitution is not None:
-        law = asdict(wheel.restitution)
-        table["restitution"] = {name: value for name, value in law.items() if value is not None}
-    return table
-
-
-def _read_wheels(name: str, tables: object) -> list[Wheel]:
-    """Wheels or bodies from a list of their tables."""
-    if not isinstance(tables, Sequence) or isinstance(tables, str):
-        raise InputError(name, tables, f"write each as a table: [[{name}]]")
-    return [_read_wheel(name, number, data) for number, data in enumerate(tables, 1)]
-
-
-def _read_wheel(name: str, number: int, data: object) -> Wheel:
-    """A wheel or body from its table, which an error names."""
-    table = _table(name, data, Wheel)
-    if "restitution" in table:
-        law = _table(f"{name}.restitution", table["restitution"], Restitution)
-    with (BODIES if name == "body" else PAIR).in_errors(), _of_wheel(table.get("name") or number):
-        if "restitution" in table:
-            table["restitution"] = Restitution(**law)
-        return Wheel(**table)
-
-
-@contextmanager
-def _of_wheel(label: object) -> Iterator[None]:
-    """Errors about a wheel say which."""
-    try:
-        yield
-    except InputError as error:
-        field = f"wheel.{label}.{error.field.removeprefix('wheel.')}"
-        raise InputError(field, error.value, error.remedy) from None
-
-
 def _copy_with(part: Part, **changes: Any) -> Part:
     """A copy with changes that need no validation."""
     changed = copy(part)
@@ -1051,15 +776,6 @@ def _copy_with(part: Part, **changes: Any) -> Part:
             changed.__dict__.pop(name, None)
     changed.__dict__.update(changes)
     return changed
-
-
-def _table(name: str, value: object, kind: Any = None) -> Facts:
-    """A table of a file, with no other keys than the fields of its kind, if it has one."""
-    if not isinstance(value, dict):
-        raise InputError(name, value, f"write it as a table: [{name}]")
-    if kind is not None:
-        errors.check_keys(name, value, (f.name for f in fields(kind)))
-    return dict(value)
 
 
 def check_scene(scene: object) -> None:

@@ -34,7 +34,7 @@ from rattle.scene.files import in_file, read_text, read_toml
 from rattle.scene.gears import check_typed
 from rattle.scene.gears_input import GEAR_FIELDS, OPTIONAL, check_plausible
 from rattle.scene.numpy_errors import numpy_defaults
-from rattle.scene.scene import TABLES
+from rattle.scene.scene_tables import TABLES
 
 SETTING_NAMES = ("scheme", "paths", "accuracy", "dt", "seed")
 """Settings of the simulation that an axis may vary, in addition to the fields of the scene."""
