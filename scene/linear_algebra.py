@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from rattle.scene.compiled import internal, jit, lean_internal
+from rattle.scene.compiled import internal, jit, lean, lean_internal
 from rattle.scene.types import Floats
 
 
@@ -136,6 +136,16 @@ def add_product(a: Floats, b: Floats, out: Floats) -> None:
         for k in range(a.shape[1]):
             for j in range(b.shape[1]):
                 out[i, j] += a[i, k] * b[k, j]
+
+
+@lean
+def add_products(a: Floats, b: Floats, out: Floats) -> None:
+    """Add ``A B`` to each matrix of a stack.
+
+    Shapes: `a`, `b` (stack, m, k) and (stack, k, n); `out` (stack, m, n).
+    """
+    for s in range(a.shape[0]):
+        add_product(a[s], b[s], out[s])
 
 
 @internal
@@ -273,11 +283,16 @@ def product(a: Floats, b: Floats) -> Floats:
 
     Shapes: `a`, `b` (..., m, k) and (..., k, n); result (..., m, n).
     """
-    stack = np.broadcast_shapes(a.shape[:-2], b.shape[:-2])
-    out = np.zeros((*stack, a.shape[-2], b.shape[-1]))
-    for k in range(a.shape[-1]):
-        out += a[..., k, None] * b[..., k, None, :]
-    return out
+    stack = a.shape[:-2]
+    if stack != b.shape[:-2]:
+        stack = np.broadcast_shapes(stack, b.shape[:-2])
+        a, b = (np.broadcast_to(part, stack + part.shape[-2:]) for part in (a, b))
+    count = math.prod(stack)
+    rows, columns = a.shape[-2], b.shape[-1]
+    left, right = (np.ascontiguousarray(part).reshape(count, *part.shape[-2:]) for part in (a, b))
+    out = np.zeros((count, rows, columns))
+    add_products(left, right, out)
+    return out.reshape(*stack, rows, columns)
 
 
 def transform(linear: Floats, form: Floats) -> Floats:

@@ -637,7 +637,8 @@ class Scene:
         """The wheels for compiled code, which only reads them."""
         from rattle.scene.scene_constants import compile_wheels
 
-        return compile_wheels(self)
+        fixed = self.tolerance is not None and self.tolerance.distribution == "fixed"
+        return compile_wheels(self.tree, fixed, self.noise_sources, self.drive)
 
     @property
     def differs_by_set(self) -> bool:
@@ -677,7 +678,7 @@ class Scene:
             any number of wheels, ``body`` where it is no gears, and ``drive`` where it is not the
             sine alone.
         """
-        return write_tables(self)
+        return write_tables(fields_of(self), self.is_gears)
 
     @classmethod
     def from_dict(cls, data: Facts) -> "Scene":
@@ -699,7 +700,8 @@ class Scene:
         InputError
             For unknown or missing keys and values that are not admissible.
         """
-        return read_tables(cls, data)
+        gears, settings = read_tables(data, [f.name for f in fields(cls)])
+        return cls(**settings) if gears is None else cls.from_gears(gears, **settings)
 
     def to_toml(self) -> str:
         """The scene as TOML text; `from_toml` gives the same scene back, to the last bit.

@@ -1,26 +1,27 @@
 """The numbers of a scene for compiled code."""
 
 import math
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
 import numpy as np
 
-from rattle.scene.parts import SINE_ALONE, Order
+from rattle.scene.parts import SINE_ALONE, Order, Wheel
 from rattle.scene.types import SINE, WHEEL, Orders, Wheels
 from rattle.scene.wheel import complete_wheels, restitution_pieces
-
-if TYPE_CHECKING:
-    from rattle.scene.scene import Scene
 
 FAR_ORDERS = 8
 """Gap between orders above which the sine of the next one is not computed from that of the last."""
 
 
-def compile_wheels(scene: "Scene") -> Wheels:
-    """The wheels of a scene; a fixed tolerance is part of the walls."""
-    fixed = scene.tolerance is not None and scene.tolerance.distribution == "fixed"
-    wheels: Wheels = np.zeros(len(scene.tree), WHEEL)
-    for wheel, record in zip(scene.tree, wheels, strict=True):
+def compile_wheels(
+    tree: Sequence[Wheel],
+    fixed: bool,
+    noise_sources: Sequence[tuple[int, float]],
+    drive: tuple[Order, ...],
+) -> Wheels:
+    """The wheels of a scene; a tolerance that is `fixed` is part of the walls."""
+    wheels: Wheels = np.zeros(len(tree), WHEEL)
+    for wheel, record in zip(tree, wheels, strict=True):
         for name in ("ratio", "beta", "gamma", "stiffness", "mass"):
             record[name] = getattr(wheel, name)
         law = wheel.law
@@ -37,10 +38,10 @@ def compile_wheels(scene: "Scene") -> Wheels:
         record.parent = parent
         record.sign = 1.0 if parent < 0 else -1.0
         record.turn = wheel.ratio * (wheels[parent].turn if parent >= 0 else 1.0)
-    for source, (number, intensity) in enumerate(scene.noise_sources):
+    for source, (number, intensity) in enumerate(noise_sources):
         if number:
             wheels["alone" if source else "own"][number - 1] = intensity
-    complete_wheels(wheels, compile_orders(scene.drive))
+    complete_wheels(wheels, compile_orders(drive))
     return wheels
 
 

@@ -2,19 +2,17 @@
 
 from collections.abc import Sequence
 from dataclasses import asdict, fields
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from rattle.scene import errors, gears_input
 from rattle.scene.errors import InputError
+from rattle.scene.gears import Gears
 from rattle.scene.loose_wheel import as_table
 from rattle.scene.noise import DRIVE_NOISE
-from rattle.scene.parts import SINE_ALONE, Restitution, Start, Tolerance, Wheel, fields_of
+from rattle.scene.parts import SINE_ALONE, Restitution, Start, Tolerance, Wheel
 from rattle.scene.scene_checks import of_wheel
 from rattle.scene.types import Facts
 from rattle.scene.words import BODIES, PAIR
-
-if TYPE_CHECKING:
-    from rattle.scene.scene import Scene
 
 SHORT = {
     "beta1": 0.0,
@@ -33,41 +31,44 @@ FREE_FIELDS = ("sigma", "tolerance", "start", "stages", "drive", "correlation_ti
 """Fields of a scene that gears do not fix."""
 
 
-def write_tables(scene: "Scene") -> Facts:
-    """A scene as plain data, as `Scene.to_dict` says."""
-    values = fields_of(scene, "gears", "drive")
-    values["tolerance"] = scene.tolerance and asdict(scene.tolerance)
-    values["start"] = scene.start.table
-    if scene.wheels:
+def write_tables(given: Facts, is_gears: bool) -> Facts:
+    """The fields of a scene as plain data, as `Scene.to_dict` says; `is_gears`: of the scene."""
+    values = given.copy()
+    gears = values.pop("gears")
+    orders = values.pop("drive")
+    values["tolerance"] = values["tolerance"] and asdict(values["tolerance"])
+    values["start"] = values["start"].table
+    if given["wheels"]:
         values = {k: v for k, v in values.items() if k not in (*SHORT, "stages")}
-        values["wheels"] = [_wheel_as_table(wheel) for wheel in scene.wheels]
+        values["wheels"] = [_wheel_as_table(wheel) for wheel in given["wheels"]]
     else:
         del values["wheels"]
     for name in ("tolerance", "correlation_time"):
         if not values[name]:
             del values[name]
-    if scene.noise == DRIVE_NOISE:
+    if values["noise"] == DRIVE_NOISE:
         del values["noise"]
-    elif isinstance(scene.noise, tuple):
-        values["noise"] = dict(scene.noise)
-    if scene.bodies is not scene.is_gears:  # as it is without being said
+    elif isinstance(values["noise"], tuple):
+        values["noise"] = dict(values["noise"])
+    if values["bodies"] is not is_gears:  # as it is without being said
         del values["bodies"]
-    drive = {} if scene.drive == SINE_ALONE else {"drive": [asdict(one) for one in scene.drive]}
-    if scene.gears is None:
-        bodies = {} if scene.is_gears or not scene.wheels else {"body": values.pop("wheels")}
+    drive = {} if orders == SINE_ALONE else {"drive": [asdict(one) for one in orders]}
+    if gears is None:
+        bodies = {} if is_gears or not given["wheels"] else {"body": values.pop("wheels")}
         return drive | {"scene": values} | bodies
-    gears = scene.gears.values
-    wheels = [as_table(wheel) for wheel in gears.pop("wheels", ())]
+    typed = gears.values
+    wheels = [as_table(wheel) for wheel in typed.pop("wheels", ())]
     return (
-        {"gears": gears}
+        {"gears": typed}
         | ({"wheel": wheels} if wheels else {})
         | drive
         | {"scene": {k: v for k, v in values.items() if k in FREE_FIELDS}}
     )
 
 
-def read_tables(kind: type["Scene"], data: Facts) -> "Scene":
-    """A scene from plain data, as `Scene.from_dict` says."""
+def read_tables(data: Facts, names: Sequence[str]) -> tuple[Gears | None, Facts]:
+    """The gears of a scene, if it is made from gears, and its other fields, from plain data as
+    `Scene.from_dict` says; `names`: of all fields."""
     errors.check_keys("top level", _table("scene", data), TABLES)
     data = gears_input.take_measured(data)
     settings = _table("scene", data.get("scene", {}))
@@ -109,17 +110,17 @@ def read_tables(kind: type["Scene"], data: Facts) -> "Scene":
         if "drive" in data:
             radius = table.get("driver_radius")
             settings["drive"] = gears_input.read_drive(data["drive"], gears, radius)
-        return kind.from_gears(gears, **settings)
+        return gears, settings
     if "wheel" in data:
         why = "needs [gears]; wheels of a scene without gears are tables [[scene.wheels]]"
         raise InputError("wheel", data["wheel"], why)
-    errors.check_keys("scene", settings, (f.name for f in fields(kind) if f.name != "gears"))
+    errors.check_keys("scene", settings, (name for name in names if name != "gears"))
     needed = ("alpha",) if "wheels" in settings else ("alpha", "epsilon", "beta1", "gamma1")
     if missing := [name for name in needed if name not in settings]:
         raise InputError("scene", missing, "these keys are missing")
     if "drive" in data:
         settings["drive"] = gears_input.read_drive(data["drive"])
-    return kind(**settings)
+    return None, settings
 
 
 def _wheel_as_table(wheel: Wheel) -> Facts:

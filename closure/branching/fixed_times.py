@@ -63,13 +63,17 @@ class InFlight(NamedTuple):
     time: Floats
 
 
+@jit
 def _inverse(covariance: Floats) -> Floats:
     """Inverse of a covariance on its range."""
+    d = covariance.shape[0]
     values, vectors = eigen(covariance)
-    out = np.zeros(covariance.shape)
-    for value, vector in zip(values, vectors.T, strict=True):
-        if value > max(LEAST_EIGENVALUE * values[-1], 0.0):
-            out += np.outer(vector, vector) / value
+    out = np.zeros((d, d))
+    for k in range(d):
+        if values[k] > LEAST_EIGENVALUE * values[d - 1] and values[k] > 0.0:
+            for i in range(d):
+                for j in range(d):
+                    out[i, j] += vectors[i, k] * vectors[j, k] / values[k]
     return out
 
 
