@@ -376,41 +376,43 @@ def scales_of_pilot(wheels: int, seen: Floats, slow: float) -> Scales:
 
     The edges of the bins are quantiles of the pilot run, densest in the tails, so that every
     quantile that is asked for lies among bins of little probability, whatever the distribution
-    looks like.
+    looks like.  At a mesh those of a speed are as for all impacts, which are the sum of the meshes;
+    where the pilot run saw no impact, those of the flight too.
 
     Shapes: `seen` (impacts, 4).
     """
     s = no_scales(wheels, slow)
-    share = expit(np.linspace(-TAILS, TAILS, SUM_BINS - 1))
-    for g in range(wheels + 1):
-        own = seen if g == 0 else seen[seen[:, 0] == g]
+    speed = np.abs(seen[:, 3])
+    _put_scales(s, 0, FLIGHT, seen[:, 1])
+    _put_scales(s, 0, OF_SPEED, speed)
+    _put_scales(s, 0, ABOVE, speed[speed >= slow])
+    for of in (s.centre, s.scale, s.edges, s.first):
+        of[1:] = of[0]
+    for g in range(1, wheels + 1):
+        own = seen[seen[:, 0] == g]
         if len(own) == 0:
             continue
-        speed = np.abs(own[:, 3])
-        for i, values in (
-            (FLIGHT, own[:, 1 if g == 0 else 2]),
-            (OF_SPEED, speed),
-            (ABOVE, speed[speed >= slow]),
-        ):
-            if values.size == 0:
-                continue
-            if g > 0 and i != FLIGHT:  # as for all impacts, which are the sum of the meshes
-                s.centre[g, i], s.scale[g, i] = s.centre[0, i], s.scale[0, i]
-                s.edges[g, i], s.first[g, i] = s.edges[0, i], s.first[0, i]
-                continue
-            s.centre[g, i], spread = values.mean(), values.std()
-            s.scale[g, i] = spread if spread > 0.0 else max(abs(s.centre[g, i]), 1.0)
-            edges = np.quantile(values, share)
-            s.edges[g, i] = edges
-            if edges[-1] > edges[0]:
-                cells = [cell_of(edges, edge) for edge in edges]
-                s.first[g, i] = np.searchsorted(cells, np.arange(CELLS + 1))
-        if g > 0:
-            low, high = np.quantile(own[:, 3], [1e-4, 1.0 - 1e-4])
-            room = VELOCITY_MARGIN * (high - low) + 1e-9 * max(abs(low), abs(high), 1e-30)
-            s.low[g - 1] = low - room
-            s.high[g - 1] = high + room
+        _put_scales(s, g, FLIGHT, own[:, 2])
+        low, high = np.quantile(own[:, 3], [1e-4, 1.0 - 1e-4])
+        room = VELOCITY_MARGIN * (high - low) + 1e-9 * max(abs(low), abs(high), 1e-30)
+        s.low[g - 1] = low - room
+        s.high[g - 1] = high + room
     return s
+
+
+def _put_scales(s: Scales, g: int, i: int, values: Floats) -> None:
+    """Write the scales of a distribution of a group, if the pilot run saw any of its values."""
+    if values.size == 0:
+        return
+    s.centre[g, i] = values.mean()
+    spread = values.std()
+    s.scale[g, i] = spread if spread > 0.0 else max(abs(s.centre[g, i]), 1.0)
+    share = expit(np.linspace(-TAILS, TAILS, SUM_BINS - 1))
+    edges = np.quantile(values, share)
+    s.edges[g, i] = edges
+    if edges[-1] > edges[0]:
+        cells = [cell_of(edges, edge) for edge in edges]
+        s.first[g, i] = np.searchsorted(cells, np.arange(CELLS + 1))
 
 
 def collect(parts: list[Sums], batches: int, periods: int) -> Sums:

@@ -13,7 +13,7 @@ from rattle import InputError, Record, simulate
 from rattle.montecarlo.long_run.estimates import all_names
 from rattle.montecarlo.long_run.noise_work import CONTROLS
 from rattle.montecarlo.long_run.run import long_run
-from rattle.montecarlo.long_run.sums import NOISE
+from rattle.montecarlo.long_run.sums import ABOVE, FLIGHT, NOISE, OF_SPEED, scales_of_pilot
 from rattle.scene import DAT21, Scene, Start, Tolerance
 
 SCENE = Scene.from_gears(DAT21, sigma=0.5)
@@ -211,3 +211,17 @@ def test_without_a_budget_no_clock_decides(monkeypatch):
     Watched(monkeypatch)
     monkeypatch.setitem(globals(), "SECOND", 1e6)
     assert long_run(SCENE, accuracy=0.1, paths=16, burn_in=32).reach.reached
+
+
+def test_a_mesh_that_the_pilot_run_did_not_see_struck_has_the_scales_of_all_impacts():
+    """Mesh 3 had no impact, mesh 2 slow ones only: speeds of all meshes are added up."""
+    rng = np.random.default_rng(1)
+    mesh = rng.integers(1, 3, 500)
+    speed = np.where(mesh == 1, 1.0 + rng.random(500), 0.05 * rng.random(500))
+    seen = np.column_stack([mesh, rng.random(500), 2.0 * rng.random(500), speed])
+    scales = scales_of_pilot(3, seen, 0.1)
+    for of in (scales.centre, scales.scale, scales.edges, scales.first):
+        assert (of[1:, [OF_SPEED, ABOVE]] == of[0, [OF_SPEED, ABOVE]]).all()
+        assert (of[3, FLIGHT] == of[0, FLIGHT]).all()
+    assert scales.centre[2, FLIGHT] != scales.centre[0, FLIGHT]
+    assert (np.diff(scales.edges[3]) > 0.0).any(axis=1).all()
