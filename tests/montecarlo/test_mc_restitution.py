@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 from rattle import Record, Scene, Start, Wheel, mean_map, simulate, stationary, validate
+from rattle.montecarlo.long_run import long_run, walk
+from rattle.montecarlo.long_run.sums import NOISE
 from rattle.scene import InputError, Restitution
 from rattle.scene.impact import contact_matrix, rebound_bend, strike
 from rattle.scene.orbit import follow
@@ -208,6 +210,22 @@ def test_energy_of_a_random_restitution_balances_in_the_long_run(fast):
     error = off.std(ddof=1) / math.sqrt(off.size)
     assert abs(off.mean()) < ERRORS * error
     assert error < 0.02 * supplied.mean()
+
+
+def test_a_long_run_of_random_restitution_has_no_control_variates(monkeypatch):
+    """A piece of flight begins with a speed that no one knows: forced upon it, the work of the
+    noise has no mean of zero."""
+    body = Wheel(beta=0.1, gamma=0.3, restitution=Restitution(sd=0.2))
+    scene = Scene(alpha=1.0, epsilon=0.6, sigma=0.5, wheels=[body])
+
+    def work():
+        run = long_run(scene, periods=128, paths=64, burn_in=32, rng=1)
+        return run.sums.main[:, :, NOISE].sum(axis=1)
+
+    assert not work().any()
+    monkeypatch.setattr(walk, "has_controls", lambda constants: True)
+    forced = work()
+    assert forced.mean() > ERRORS * forced.std(ddof=1) / math.sqrt(forced.size)
 
 
 def measured(*rows, **others):
