@@ -25,6 +25,7 @@ LESS = {
     b'"accuracy": 0.02': b'"accuracy": 0.1',
     b"accuracy=0.05,": b"accuracy=0.2,",
     b"refuse=False": b"refuse=False, budget=2.0",
+    b'"exponent-sum", "free-flight", ': b"",
 }
 """What cells compute on the pages, and how much less of it here."""
 
