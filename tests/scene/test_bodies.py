@@ -10,11 +10,12 @@ import numpy as np
 import pytest
 from oracle import Sine, gearbox
 from scenes import ORDERS, TREES, tree
+from scipy.integrate import solve_ivp
 
 from rattle.closure import mean_map
 from rattle.compare.study.design import read_axes
 from rattle.compare.study.parameters import find_parameter
-from rattle.scene import DAT21, InputError, Scene, Start, Wheel
+from rattle.scene import DAT21, InputError, Order, Scene, Start, Wheel
 from rattle.scene.changes import change, parameter_names
 from rattle.scene.flight import field, field_rate, flow, jacobian, noise_covariance
 from rattle.scene.impact import energy_loss
@@ -125,6 +126,50 @@ def test_impacts_of_an_oscillator_are_those_of_an_ode_solver(name):
 
     stiffer = replace(scene.wheels[0], stiffness=2.0 + 2e-7)
     assert largest_error(scene) < 1e-9 < largest_error(replace(scene, wheels=[stiffer]))
+
+
+def test_a_table_may_shake_at_another_phase_than_a_force():
+    """A body on a spring to the ground, pushed by a force, above a table with a phase of its own:
+    in absolute places, struck with the speed of the table, it moves as on the drive that the guide
+    gives; on that of the table alone it does not."""
+    beta, stiffness, table, force, phase = 0.2, 1.5, 0.6, 0.8, 1.1
+    gap, epsilon, gravity = 0.4, 0.8, 0.3
+
+    def wall(tau):
+        return table * math.sin(tau), table * math.cos(tau)
+
+    def fly(tau, z):
+        pushed = force * math.sin(tau + phase)
+        return [z[1], -gravity - beta * z[1] - stiffness * z[0] + pushed]
+
+    def touch(tau, z):
+        return wall(tau)[0] - z[0] - gap
+
+    touch.terminal = True
+    touch.direction = 1.0
+    tau = 0.0
+    z = np.array([0.1, 0.3])
+    impacts = []
+    while len(impacts) < 6:
+        flown = solve_ivp(fly, (tau, tau + 20.0), z, events=touch, rtol=1e-11, atol=1e-12)
+        tau = flown.t[-1]
+        z = flown.y[:, -1]
+        y = wall(tau)[1] - z[1]
+        impacts.append([tau, y])
+        z = np.array([wall(tau)[0] - gap, wall(tau)[1] + epsilon * y])
+    body = Wheel(beta=beta, gamma=gravity, stiffness=stiffness, one_sided=True, gap=gap)
+    start = Start(0.0, -0.1, table - 0.3)
+    own = complex(-1.0, beta)
+    drive = (table * (own + stiffness) - force * np.exp(1j * phase)) / own
+
+    def scene(drive):
+        order = Order(1, 1.0, float(np.angle(drive)))
+        return Scene(alpha=abs(drive), epsilon=epsilon, drive=(order,), wheels=[body], start=start)
+
+    truth = pytest.approx(np.array(impacts), abs=1e-7)
+    found, other = (follow(scene(one), 6) for one in (drive, table))
+    assert np.column_stack([found.tau, found.before[:, 1]])[1:] == truth
+    assert np.column_stack([other.tau, other.before[:, 1]])[1:] != truth
 
 
 @pytest.mark.parametrize("name", BODIES)
