@@ -12,7 +12,6 @@ from rattle.compare.parameters.boundary import Boundary
 from rattle.compare.parameters.sensitivity import Sensitivity
 from rattle.compare.report.finding import Finding
 from rattle.compare.report.render import render_sentences
-from rattle.compare.report.texts import wheel_label
 from rattle.compare.stationary.page import share_energy, show_quantity
 from rattle.compare.stationary.result import Stationary, speed_text, usual_units
 from rattle.compare.study.parameters import PERCENT, find_parameters
@@ -119,7 +118,6 @@ class Assessment(Finding):
             opened=[t for t in self.thresholds if t.opens],
             table=table.to_dict("index"),
             meshes=range(1, self.scene.stages + 1),
-            label=partial(wheel_label, self.scene),
             show=partial(show_quantity, table),
             shares=share_energy(self.scene, table),
             slow=speed_text(self.motion.slow, self.scene.gears, self.units) if self.motion else "",
@@ -130,9 +128,7 @@ class Assessment(Finding):
             ],
             unknown=[part for part in self.missing if part.startswith("`")],
             impacts=ASSESSED_IMPACTS,
-            loudness=LOUDNESS,
             change=PERCENT,
-            number=number_text,
         )
 
     def _name_levers(self) -> list[dict[str, str]]:

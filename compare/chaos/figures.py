@@ -110,7 +110,7 @@ def spectrum_figure(found: Spectra) -> Figure:
         ax.set_title(f"{SYMBOL[name]}: {kind}", loc="left")
         if number % columns == 0:
             ax.set_ylabel(f"power spectral density\n($\\nu_1^2\\omega^2$ per {unit})", fontsize=8)
-    legend_above(figure, axes, 3)
+    legend_above(figure, 3)
     return figure
 
 
@@ -166,13 +166,13 @@ def sweep_figure(
     table: pd.DataFrame, field: str = "alpha", claimed: tuple[float, float] | None = None
 ) -> Figure:
     """Draw the largest exponent over a field (Fig. 4 of the paper)."""
-    figure, (ax,) = new_figure(8.0, 4.4, 1, 1)
+    figure, (ax,) = new_figure(8.0, 4.4)
     if claimed:
         label = "chaotic according to the paper: {:g} to {:g}".format(*claimed)
         ax.axvspan(*claimed, color="#F0E442", alpha=0.25, lw=0, label=label)
     _lines(ax, table, field)
     ax.set_xlabel(axis_label(field))
-    legend_above(figure, [ax], 2)
+    legend_above(figure, 2)
     return figure
 
 
@@ -202,9 +202,9 @@ def bifurcation_figure(
         label_velocity(ax, 1, unit, fontsize=8)
     if table is not None:
         _lines(axes[-1], table, b.field)
-        legend_above(figure, axes[-1:], 2)
+        legend_above(figure, 2, axes[-1:])
     elif any(reason for reasons in b.reasons.values() for reason in reasons):
-        legend_above(figure, axes, 1)
+        legend_above(figure, 1)
     for ax in axes:
         ax.set_xlim(x[0], x[-1])
     axes[-1].set_xlabel(axis_label(b.field))
@@ -220,7 +220,7 @@ def _intervals(ax: Axes, table: pd.DataFrame, name: str, **style: Any) -> None:
 
 def finite_size_figure(table: pd.DataFrame, orbit: Exponents, drift: Exponents) -> Figure:
     """Draw the finite-size exponent of the noisy system over the distance of two paths."""
-    figure, (ax,) = new_figure(6.4, 4.4, 1, 1)
+    figure, (ax,) = new_figure(6.4, 4.4)
     label = r"finite-size exponent $\lambda(\delta)$ of the noisy system"
     _intervals(ax, table, "exponent", ls="-", lw=1.0, label=label)
     colour = SIDE[ORBIT_SECTION]["color"]
@@ -232,7 +232,7 @@ def finite_size_figure(table: pd.DataFrame, orbit: Exponents, drift: Exponents) 
             ax.axhline(value, color=colour, ls=style, lw=1.3, label=name)
     ax.set(xscale="log", yscale="log", ylabel=r"growth rate ($\omega$)")
     ax.set_xlabel(r"distance $\delta$ of two paths on the same noise ($\nu_1$)")
-    legend_above(figure, [ax], 1)
+    legend_above(figure, 1)
     return figure
 
 
@@ -258,7 +258,7 @@ def sqrt_law_figure(law: SqrtLaw) -> Figure:
     ratio.set(xscale="log", ylabel="mean square / that of the square-root law")
     for a in (ax, ratio):
         a.set_xlabel(r"distance before the impact $\delta$ ($\nu_1$)")
-    legend_above(figure, [ax], 3)
+    legend_above(figure, 3, [ax])
     return figure
 
 

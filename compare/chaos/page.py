@@ -9,7 +9,6 @@ from rattle.compare.chaos.figures import draw
 from rattle.compare.chaos.measure import ChaosStudy
 from rattle.compare.chaos.record import STICKS_AT_TIMES, STICKS_FOR_GOOD, STICKS_OFTEN
 from rattle.compare.chaos.spectrum import spectra_tables
-from rattle.compare.judge.verdict import join_words
 from rattle.compare.report.json_text import Facts
 from rattle.compare.report.render import render_sentences
 from rattle.compare.report.report import Report
@@ -125,7 +124,6 @@ def answer(study: ChaosStudy, tables: dict[str, pd.DataFrame]) -> list[str]:
         spectra=_records(tables.get("spectra_summary")),
         sweeps=[_count(study, *mover) for mover in movers.items() if study.sweep is not None],
         missing=names_by_reason,
-        join_words=join_words,
     )
     missing = explain_missing(study.scene, list(study.maps["closure"]))
     return sentences + missing + name_wheels(study.scene)

@@ -63,7 +63,7 @@ def _draw_search(
 ) -> tuple[Figure, Axes]:
     """Draw what was found at every value with its interval, where the verdict changes, and the
     level that decides it."""
-    figure, (ax,) = new_figure(7.4, 3.8, 1, 1)
+    figure, (ax,) = new_figure(7.4, 3.8)
     for verdict, rows in table.groupby("verdict"):
         name = str(verdict)
         place = (rows["value"], rows[column], error_bars(rows, column))
@@ -73,14 +73,14 @@ def _draw_search(
     ax.axhline(level, color="0.2", lw=0.8, ls="--", label=lined)
     ax.set(xscale="log", xlabel=axis_label(found.over))
     plain_numbers(ax.xaxis, found.points["value"])
-    legend_above(figure, [ax], 5)
+    legend_above(figure, 5)
     return figure, ax
 
 
 def map_figure(curve: pd.DataFrame, points: pd.DataFrame, along: str, over: str) -> Figure:
     """Draw a bar at each value of the second parameter: accurate, wrong, or in between; markers at
     the edges."""
-    figure, (ax,) = new_figure(7.4, 4.2, 1, 1)
+    figure, (ax,) = new_figure(7.4, 4.2)
     places = np.unique(curve["along"])
     middle = np.sqrt(places[1:] * places[:-1])
     ends = np.r_[places[0] ** 2 / middle[0], middle, places[-1] ** 2 / middle[-1]]
@@ -117,7 +117,7 @@ def map_figure(curve: pd.DataFrame, points: pd.DataFrame, along: str, over: str)
     ax.set_xticks([], minor=True)
     ax.set_xticks(places, [f"{place:.3g}" for place in places])
     ax.set(xlim=(ends[0], ends[-1]), ylim=(points["value"].min(), points["value"].max()))
-    legend_above(figure, [ax], 3)
+    legend_above(figure, 3)
     return figure
 
 

@@ -52,5 +52,5 @@ def run_up_figure(table: pd.DataFrame, thresholds: pd.DataFrame, speeds: pd.Seri
         ax.set_ylim(bottom=0.0)
         ax.set_xlim(0.97 * speeds.min(), 1.03 * speeds.max())
     axes[-1].set_xlabel("mean speed of the driver (1/min)")
-    legend_above(figure, axes, 3)
+    legend_above(figure, 3)
     return figure

@@ -79,7 +79,9 @@ def axis_label(name: str) -> str:
     return VALUE_LABELS.get(name, f"{words}, {unit}" if unit else words)
 
 
-def new_figure(width: float, height: float, rows: int, columns: int) -> tuple[Figure, list[Axes]]:
+def new_figure(
+    width: float, height: float, rows: int = 1, columns: int = 1
+) -> tuple[Figure, list[Axes]]:
     """A figure with a grid of panels."""
     with mpl.rc_context(FIGURE_SETTINGS):
         figure = ShownFigure(figsize=(width, height), layout="constrained")
@@ -105,10 +107,10 @@ def new_panels(
     return figure, axes[:number]
 
 
-def legend_above(figure: Figure, axes: Sequence[Axes], columns: int) -> None:
-    """Add one legend for all panels above them; equal labels are shown once."""
+def legend_above(figure: Figure, columns: int, axes: Sequence[Axes] = ()) -> None:
+    """Add one legend for all panels, or for some, above them; equal labels are shown once."""
     handles: dict[str, Artist] = {}
-    for ax in axes:
+    for ax in axes or figure.axes:
         for handle, label in zip(*ax.get_legend_handles_labels(), strict=True):
             handles.setdefault(label, handle)
     for most in range(columns, 0, -1):

@@ -5,6 +5,7 @@ uses.
 """
 
 import tomllib
+from collections.abc import Iterable, Sequence
 from importlib.resources import files
 from typing import Any
 
@@ -115,3 +116,25 @@ def glossary(*names: str, gears: Gears | None = None) -> tuple[tuple[str, str], 
         ones = {name: one.format(**units) for name, one in IN_UNITS.items() if name in terms}
         terms |= {name: f"{terms[name]}; 1 is {one} for these gears" for name, one in ones.items()}
     return tuple(terms.items())
+
+
+def join_words(items: Sequence[str]) -> str:
+    """Join items as in a sentence: commas, and ``and`` before the last."""
+    return items[0] if len(items) == 1 else ", ".join(items[:-1]) + " and " + items[-1]
+
+
+def name_all(names: Iterable[str]) -> str:
+    """Some names in code, joined as in a sentence."""
+    return join_words([f"`{name}`" for name in names])
+
+
+def span(values: Iterable[float], form: str) -> str:
+    """The range of some values in words; one value where they are the same as printed.
+
+    >>> span([17.257, 17.262], ".4g"), span([0.05, 0.1], ".0%")
+    ('17.26', '5% to 10%')
+    """
+    found = list(values)
+    low = format(min(found), form)
+    high = format(max(found), form)
+    return low if low == high else f"{low} to {high}"

@@ -26,7 +26,7 @@ from rattle.compare.stationary.verdicts import STATIONARY_TEXTS, TOLERANCES
 from rattle.montecarlo.long_run.scatter import FEWEST_SETS
 from rattle.scene import Scene
 from rattle.scene.changes import is_unit
-from rattle.scene.text import number_text, percent
+from rattle.scene.text import number_text
 from rattle.scene.threshold import rattle_threshold
 
 STATIONARY_WORDS = (
@@ -123,8 +123,10 @@ def answer(found: Stationary) -> list[str]:
     # 0 where all paths have the same
     memory = memory[(memory > 0.0) & ~memory.index.str.startswith(("contact", "skew_"))]
     meshes = range(1, found.scene.stages + 1)
-    label = partial(wheel_label, found.scene)
-    closed = ((label(mesh), table["value"][f"contact_share_mesh{mesh}"]) for mesh in meshes)
+    closed = (
+        (wheel_label(found.scene, mesh), table["value"][f"contact_share_mesh{mesh}"])
+        for mesh in meshes
+    )
     verdicts = found.verdicts_in(units)
     closures = verdicts.groupby("closure", sort=False) if len(verdicts) else ()
     return render_sentences(
@@ -132,13 +134,10 @@ def answer(found: Stationary) -> list[str]:
         found.scene.words,
         found=found,
         thresholds=rattle_threshold(found.scene),
-        label=label,
         shares=share_energy(found.scene, table),
         value=table["value"],
         high=table["high"],
         show=partial(show_quantity, table),
-        number=number_text,
-        percent=percent,
         least=speed_text(found.slow, found.scene.gears, units),
         quiet=speed_text(found.run.quiet, found.scene.gears, units) if found.run else "",
         closed=[(mesh, share) for mesh, share in closed if share > 0.0],

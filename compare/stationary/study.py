@@ -12,7 +12,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from rattle.compare.engine.store import Cell, Content, Facts
-from rattle.compare.judge.verdict import JUDGED, Tolerances, Verdict, span
+from rattle.compare.judge.verdict import JUDGED, Tolerances, Verdict
 from rattle.compare.report.render import render_sentences
 from rattle.compare.report.style import STYLE, new_figure
 from rattle.compare.report.texts import CLOSURE_TERMS, VERDICT_TERMS, label_quantity
@@ -385,7 +385,6 @@ def answer(r: LongTables) -> list[str]:
             if len(rows)
         },
         reach=reach,
-        span=span,
         physical=is_physical(r.study),
         exact=(r.cost["kind"] != "simulated").sum(),
     )

@@ -95,7 +95,7 @@ def errors(r: Any, rows: pd.DataFrame) -> Figure:
         ax.set_title(f"impact {impact}", loc="left")
         if impact == shown[0]:
             ax.set_ylabel(f"largest error of a {moment}, in sds")
-    legend_above(figure, axes, len(r.study.closures) + 1)
+    legend_above(figure, len(r.study.closures) + 1)
     return figure
 
 
@@ -111,7 +111,7 @@ def _worst(rows: pd.DataFrame, name: str) -> pd.DataFrame:
 def validity(r: Any, rows: pd.DataFrame) -> Figure:
     """Draw the range of validity over the first k impacts: where each closure is accurate, and not
     shown wrong."""
-    figure, (ax,) = new_figure(8.0, 3.8, 1, 1)
+    figure, (ax,) = new_figure(8.0, 3.8)
     name = r.study.along
     values = r.errors[name].unique()
     for closure, group in rows.groupby("closure", sort=False):
@@ -135,7 +135,7 @@ def validity(r: Any, rows: pd.DataFrame) -> Figure:
     ax.set_ylim(min(values), max(values) * 1.1)
     whole_impacts(ax)
     ax.set(xlabel="first impacts", ylabel=f"largest {axis_label(name)}")
-    legend_above(figure, [ax], 2)
+    legend_above(figure, 2)
     return figure
 
 
@@ -211,7 +211,7 @@ def _sections(axes: list[Axes], r: Any, rows: pd.DataFrame) -> None:
 def draw_paired(r: Any, rows: pd.DataFrame) -> Figure:
     """Draw the gain of common random numbers: independent over paired standard error of a
     difference of neighbours."""
-    figure, (ax,) = new_figure(6.2, 3.6, 1, 1)
+    figure, (ax,) = new_figure(6.2, 3.6)
     part = rows.query("se > 0.0 and se_independent > 0.0")
     part = part.assign(
         gain=part["se_independent"] / part["se"], middle=0.5 * (part["from"] + part["to"])
@@ -228,7 +228,7 @@ def draw_paired(r: Any, rows: pd.DataFrame) -> Figure:
     ax.set(yscale="log", ylabel="error of a difference, independent / paired")
     ax.yaxis.set_major_formatter("{x:g}")
     label_field(ax, r.study.along, part["middle"])
-    legend_above(figure, [ax], 2)
+    legend_above(figure, 2)
     return figure
 
 
@@ -258,7 +258,7 @@ class TablePlot(NamedTuple):
         self.draw(axes, r, rows)
         for ax in axes:
             label_field(ax, r.study.along, rows[r.study.along])
-        legend_above(figure, axes, 4)
+        legend_above(figure, 4)
         return figure
 
 

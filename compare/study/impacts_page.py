@@ -5,10 +5,10 @@ from collections.abc import Mapping
 
 import pandas as pd
 
-from rattle.compare.judge.verdict import Verdict, in_words, is_accurate, span, want
+from rattle.compare.judge.verdict import Verdict, in_words, is_accurate, want
 from rattle.compare.report.json_text import Facts
 from rattle.compare.report.render import render_sentences
-from rattle.compare.report.texts import CLOSURE_TERMS, SECTION_TERMS, VERDICT_TERMS
+from rattle.compare.report.texts import CLOSURE_TERMS, SECTION_TERMS, VERDICT_TERMS, span
 from rattle.compare.study.estimate import scaling
 from rattle.compare.study.figures import STUDY_FIGURES, panels
 from rattle.compare.study.folder import Drawing

@@ -151,7 +151,7 @@ def error_figure(table: pd.DataFrame, model: str) -> "Figure":
     verdicts = rows["verdict"].where(rows["verdict"].isin(DECIDED), Verdict.UNDECIDED)
     rows = rows.assign(**rows[scaled].div(rows["unit"], axis=0), verdict=verdicts)
     rows["place"] = np.arange(len(rows))[::-1]
-    figure, (ax,) = new_figure(6.4, 1.5 + 0.2 * len(rows), 1, 1)
+    figure, (ax,) = new_figure(6.4, 1.5 + 0.2 * len(rows))
     allowed = rows["tolerance"]
     ax.barh(
         rows["place"],
@@ -194,5 +194,5 @@ def error_figure(table: pd.DataFrame, model: str) -> "Figure":
         title += f" (the worst {MOST_ROWS_DRAWN} of {len(table)} rows)"
     colour = STYLE[model]["color"]
     ax.set_title(title, loc="left", fontweight="bold", parse_math=False, color=colour)
-    legend_above(figure, [ax], 4)
+    legend_above(figure, 4)
     return figure

@@ -38,7 +38,7 @@ def tradeoff_figure(
     `slopes`: Exponent with which the cost of each scheme grows with the accuracy; NaN if unknown.
     """
     # low enough for the first screen, its legend beside it
-    figure, (ax,) = new_figure(10.6, 4.9, 1, 1)
+    figure, (ax,) = new_figure(10.6, 4.9)
     schemes = points.query("kind == 'scheme'").groupby("method", sort=False)
     handles: list[Artist] = [
         _scheme(ax, str(name), rows, slopes[str(name)]) for name, rows in schemes
@@ -100,7 +100,7 @@ def order_figure(changes: pd.DataFrame) -> Figure:
         ax.set_xlabel("dt")
         label = "error" if moment == "itinerary" else "change from dt to dt / 2 (sds)"
         ax.set_ylabel(label, fontsize=8.0)
-    legend_above(figure, axes, 7)
+    legend_above(figure, 7)
     return figure
 
 

@@ -7,7 +7,6 @@ from typing import Any, TypeAlias
 import numpy as np
 import pandas as pd
 
-from rattle.compare.judge.verdict import join_words, span
 from rattle.compare.report.json_text import Facts
 from rattle.compare.report.render import render_sentences
 from rattle.compare.report.report import Report
@@ -96,7 +95,6 @@ def answer(m: Tradeoff, costs: Costs) -> list[str]:
         plain=m.models[EULER_MARUYAMA],
         tuned_ns=HAND_TUNED_NS,
         missing=" ".join(explain_missing(m.reference.scene, list(closures["method"]))),
-        duration=duration_text,
     )
 
 
@@ -187,8 +185,6 @@ def orders_said(table: pd.DataFrame) -> list[str]:
         moments=table.query("moment != 'itinerary'"),
         coarsest=STEP_PAIRS[0],
         finest=0.5 * STEP_PAIRS[-1],
-        join_words=join_words,
-        span=span,
     )
 
 

@@ -7,7 +7,6 @@ clock measured.
 
 import math
 from collections.abc import Iterable, Sequence
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -15,16 +14,9 @@ import pandas as pd
 
 from rattle.closure import refusals
 from rattle.compare.judge.rows import BY_SIZE
-from rattle.compare.judge.verdict import (
-    JUDGED,
-    in_words,
-    join_words,
-    name_all,
-    span,
-    unbroken,
-)
+from rattle.compare.judge.verdict import JUDGED, in_words, unbroken
 from rattle.compare.report.render import render_sentences
-from rattle.compare.report.texts import name_wheels, wheel_label
+from rattle.compare.report.texts import join_words, name_all, name_wheels, span
 from rattle.compare.validation import comparison
 from rattle.compare.validation.comparison import Comparison, Sweep
 from rattle.compare.validation.errors import HALF_OF_PATHS, SIMULATED, first_failure
@@ -34,7 +26,6 @@ from rattle.montecarlo.branches.search import SMALLEST
 from rattle.montecarlo.diagnostics.diagnostics import UNSEARCHED
 from rattle.montecarlo.diagnostics.reach import near_text
 from rattle.scene import Scene, duration_text
-from rattle.scene.text import percent
 
 SECTION_EXPLAINED = " (Poincaré section at the impacts)"
 """Explains the word section at its first use on a page."""
@@ -71,7 +62,7 @@ def advice(
             }
         )
     (sentence,) = render_sentences(
-        "validation/advice.j2", takes=takes, impacts=impacts, names=name_all, gears=gears
+        "validation/advice.j2", takes=takes, impacts=impacts, gears=gears
     )
     return sentence
 
@@ -110,8 +101,6 @@ def cost_sentence(
         counted=longest[~measured].to_dict(),
         measured=longest[measured].to_dict(),
         cheaper=cheaper,
-        duration=duration_text,
-        join=join_words,
     )
     return sentence
 
@@ -168,8 +157,6 @@ def itinerary_sentence(validity: pd.DataFrame, impacts: int) -> list[str]:
         lost=[f"{sigma:.4g}" for sigma in least.index[least > 1.0 - HALF_OF_PATHS]],
         alone=len(least) == 1,
         smallest=SMALLEST,
-        percent=percent,
-        join=join_words,
     )
 
 
@@ -248,10 +235,7 @@ def answer(validations: Sequence[Comparison], swept: Sweep | None = None) -> lis
             if share < 1.0
         ],
         raised=raised,
-        names=name_all,
-        join=join_words,
-        label=partial(wheel_label, first.scene),
-        words=first.scene.words,
+        scene=first.scene,
     )
     speed = comparison.measure_speeds(validations)
     over = swept.speed if swept else None

@@ -51,7 +51,7 @@ def error_figure(v: Comparison) -> Figure:
         unit = "" if number % columns else "error / sd of the quantity"
         ax.set(xlim=(0.5, len(v.run.section) + 0.5), xlabel="impact", ylabel=unit)
         whole_impacts(ax)
-    legend_above(figure, axes, 5)
+    legend_above(figure, 5)
     return figure
 
 
@@ -87,7 +87,7 @@ def correlation_figure(v: Comparison) -> Figure | None:
         )
         whole_impacts(ax)
         ax.set_title(f"stage {wheel_label(v.scene, stage)}", loc="left")
-    legend_above(figure, axes, 4)
+    legend_above(figure, 4)
     return figure
 
 
@@ -155,7 +155,7 @@ def section_figure(v: Comparison) -> Figure:
             xlabel=rf"{SYMBOL[quantity]} before impact ($\nu_1\omega$)",
             ylabel=r"density ($1/\nu_1\omega$)" if impact == 1 else "",
         )
-    legend_above(figure, axes, 4)
+    legend_above(figure, 4)
     return figure
 
 
@@ -277,5 +277,5 @@ def drive_figure(scene: Scene) -> Figure:
             ax.annotate(str(one.order), peak, fontsize=7, color="0.3", ha="center")
         ax.plot([], [], lw=0.9, color="0.6", label="each order")
         ax.set(xlabel=SYMBOL["tau"], ylabel=name)
-    legend_above(figure, axes, 2)
+    legend_above(figure, 2)
     return figure

@@ -16,11 +16,10 @@ from rattle.compare.checks.claims.judges import (
     REPRODUCED,
     PaperClaim,
 )
-from rattle.compare.judge.verdict import join_words
 from rattle.compare.report.json_text import Facts
 from rattle.compare.report.report import Report
 from rattle.compare.report.style import new_figure
-from rattle.compare.report.texts import glossary
+from rattle.compare.report.texts import glossary, join_words
 
 EVIDENCE_FIGURES = [text.get("figure", "") for text in CLAIM_TEXTS.values()]
 """Figure of the study of chaos that shows the evidence of each claim, if there is one."""
@@ -65,7 +64,7 @@ def verdict_figure(claims: list[PaperClaim]) -> Drawing:
     """Draw the verdict on each claim: a row for each claim, a column for each kind of verdict that
     occurs."""
     kinds = [kind for kind in VERDICT_KINDS if any(c.kind == kind for c in claims)]
-    figure, (ax,) = new_figure(8.6, 0.27 * len(claims) + 0.7, 1, 1)
+    figure, (ax,) = new_figure(8.6, 0.27 * len(claims) + 0.7)
     for row, claim in enumerate(claims):
         marker, colour = VERDICT_KINDS[claim.kind][3:]
         ax.plot(kinds.index(claim.kind), row, ms=10, ls="none", marker=marker, color=colour)

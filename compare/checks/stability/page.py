@@ -62,7 +62,7 @@ def summary(table: pd.DataFrame) -> Drawing:
         ax.set_title(title, loc="left")
         ax.set(ylabel="", xlabel="cells of the map")
     panels[1].set_yticklabels([])
-    legend_above(drawn, panels[:1], len(CHART_MARKS))
+    legend_above(drawn, len(CHART_MARKS), panels[:1])
     return drawn
 
 
