@@ -13,9 +13,6 @@ from rattle.compare.report.json_text import Facts
 from rattle.compare.report.render import render_sentences
 from rattle.compare.report.report import Report
 from rattle.compare.report.texts import (
-    CHAOS_TERMS,
-    CLOSURE_TERMS,
-    SECTION_TERMS,
     glossary,
     name_wheels,
     read_texts,
@@ -26,7 +23,6 @@ CHAOS_CAPTIONS: dict[str, str] = read_texts("chaos")["figures"]
 """Captions of the figures, by name."""
 CHAOS_PARQUET = ("sections", "spectra", "bifurcation")
 """Tables that are written as Parquet."""
-CHAOS_WORDS = (*CLOSURE_TERMS, *SECTION_TERMS, *CHAOS_TERMS, "Δτ", "σ", "α", "ε", "realizable")
 
 
 def chaos_tables(study: ChaosStudy) -> dict[str, pd.DataFrame]:
@@ -77,7 +73,7 @@ def make_report(found: ChaosStudy, record: Facts) -> Report:
             **tables,
             "exponents": known[known["value"].notna() | (known["exponent"] == 1)],
         },
-        glossary(*CHAOS_WORDS, gears=found.scene.gears),
+        glossary("chaos", gears=found.scene.gears),
         figures=draw(found),
         tables={name: table for name, table in tables.items() if name not in CHAOS_PARQUET},
         large={name: table for name, table in tables.items() if name in CHAOS_PARQUET},

@@ -16,6 +16,7 @@ from matplotlib.text import Text
 from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
 
 from rattle.closure import CLOSURES
+from rattle.compare.report.texts import REPORT_TEXTS
 from rattle.scene import state_names
 from rattle.scene.changes import unit_of_value, words_of_value
 from rattle.scene.plot import ShownFigure
@@ -51,19 +52,7 @@ SYMBOL = {"tau": r"$\tau$", "flight": r"$\Delta\tau$"}
 SYMBOL |= {f"rho{i}": rf"$\rho_{{{i}}}$" for i in range(1, MOST_WHEELS + 1)}
 SYMBOL |= {name: f"${name[0]}_{{{name[1:]}}}$" for name in state_names(MOST_WHEELS)}
 
-VALUE_LABELS = {
-    "alpha": r"excitation amplitude $\alpha$",
-    "sigma": r"noise intensity $\sigma$",
-    "epsilon": r"restitution $\varepsilon$",
-    "mu": r"mass ratio $\mu$",
-    "beta1": r"damping of stage 1 $\beta_1$ ($\omega$)",
-    "beta2": r"damping of stage 2 $\beta_2$ ($\omega$)",
-    "gamma1": r"drag of stage 1 $\gamma_1$ ($\nu_1\omega^2$)",
-    "gamma2": r"drag of stage 2 $\gamma_2$ ($\nu_1\omega^2$)",
-    "gap1": r"half gap of stage 1 $g_1$ ($\nu_1$)",
-    "gap2": r"half gap of stage 2 $g_2$ ($\nu_1$)",
-    "correlation_time": r"correlation time $\theta$ ($1/\omega$)",
-}
+VALUE_LABELS: dict[str, str] = REPORT_TEXTS["labels"]
 """Axis labels of the values that have a symbol."""
 
 FIGURE_SETTINGS: Any = mpl.rc_params_from_file(

@@ -15,8 +15,6 @@ from rattle.compare.report.render import render_sentences
 from rattle.compare.report.report import Report
 from rattle.compare.report.table import NO_VALUE, Table
 from rattle.compare.report.texts import (
-    CLOSURE_TERMS,
-    VERDICT_TERMS,
     glossary,
     label_quantities,
     wheel_label,
@@ -28,21 +26,6 @@ from rattle.scene import Scene
 from rattle.scene.changes import is_unit
 from rattle.scene.text import number_text
 from rattle.scene.threshold import rattle_threshold
-
-STATIONARY_WORDS = (
-    *CLOSURE_TERMS,
-    *VERDICT_TERMS,
-    "exact flight",
-    "σ",
-    "ε",
-    "τ",
-    "Δτ",
-    "y1, y2",
-    "E, sd",
-    "orbit",
-    "mean map",
-    "sticking",
-)
 
 MESH_WORDS = STATIONARY_TEXTS["by_mesh"]
 
@@ -93,7 +76,7 @@ def make_report(found: Stationary, view: Bifurcation | None, record: Facts) -> R
         answer(found),
         record | found.to_dict(),
         content,
-        glossary(*STATIONARY_WORDS, gears=gears),
+        glossary("stationary", gears=gears),
         figures=figures,
         tables=tables,
         digits="%.8g",

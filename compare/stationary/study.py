@@ -15,7 +15,7 @@ from rattle.compare.engine.store import Cell, Content, Facts
 from rattle.compare.judge.verdict import JUDGED, Tolerances, Verdict
 from rattle.compare.report.render import render_sentences
 from rattle.compare.report.style import STYLE, new_figure
-from rattle.compare.report.texts import CLOSURE_TERMS, VERDICT_TERMS, label_quantity
+from rattle.compare.report.texts import label_quantity
 from rattle.compare.stationary.measure import ESTIMATE_COLUMNS, stationary
 from rattle.compare.stationary.result import in_units, plain_unit
 from rattle.compare.stationary.verdicts import (
@@ -51,7 +51,6 @@ KEYS = ("closures", *LONG_RUN_SETTINGS, "seed")
 TITLE = "study of the long run"
 PAGE = "rattle.compare.stationary.study"
 TEMPLATE = "stationary/study.j2"
-WORDS = (*CLOSURE_TERMS, *VERDICT_TERMS, "exact flight", "σ", "ε", "orbit")
 MAIN_QUANTITIES = ("rate", "speed", "energy_per_period", "slow_share")  # those of the page
 LEAST_LIMIT = 1e-3  # of a budget; what is spent already leaves none
 PHYSICAL_QUANTITIES = ("rate_above", "speed_above", "power", "slow_share")  # in physical units

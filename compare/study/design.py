@@ -172,8 +172,8 @@ STUDY_KINDS = {
 the predictions and the reasons of a `Point` from its scene and settings.  ``combine`` makes a
 ``RESULT`` of the results by key: an object with ``study, record, empty`` and ``TABLES``, each a
 Parquet file, those of ``SMALL`` written as CSV too.  ``PAGE`` is the module that shows it:
-``answer`` (sentences), ``draw`` (figures), ``content`` (what its ``TEMPLATE`` shows besides), and
-the ``WORDS`` that it explains.
+``answer`` (sentences), ``draw`` (figures) and ``content`` (what its ``TEMPLATE`` shows besides).
+The words that it explains stand in `rattle.compare.report.texts`, as ``study of`` that kind.
 """
 
 

@@ -12,9 +12,6 @@ from rattle.compare.report.render import render_sentences
 from rattle.compare.report.report import Report
 from rattle.compare.report.table import Table, TableCell
 from rattle.compare.report.texts import (
-    CLOSURE_TERMS,
-    SCHEME_TERMS,
-    SECTION_TERMS,
     glossary,
     name_wheels,
 )
@@ -96,9 +93,6 @@ def answer(m: Tradeoff, costs: Costs) -> list[str]:
         tuned_ns=HAND_TUNED_NS,
         missing=" ".join(explain_missing(m.reference.scene, list(closures["method"]))),
     )
-
-
-TRADEOFF_WORDS = (*CLOSURE_TERMS, *SECTION_TERMS, *SCHEME_TERMS, "standard error", "σ")
 
 
 def _parts(m: Tradeoff, costs: Costs) -> Facts:
@@ -221,7 +215,7 @@ def make_report(m: Tradeoff, record: Facts) -> Report:
         sentences,
         record,
         content | _parts(m, costs),
-        glossary(*TRADEOFF_WORDS, gears=scene.gears),
+        glossary("tradeoff", gears=scene.gears),
         figures=figures,
         tables=tables,
         more={"all points": "`tradeoff.csv`"},

@@ -18,9 +18,6 @@ from rattle.compare.report.save import csv_text, save
 from rattle.compare.report.style import caption_of, render
 from rattle.compare.report.table import SIGNS_OF_MARKS
 from rattle.compare.report.texts import (
-    CLOSURE_TERMS,
-    SECTION_TERMS,
-    VERDICT_TERMS,
     glossary,
     read_texts,
 )
@@ -44,12 +41,6 @@ VALIDATION_TABLES = {
 """Tables of a validation by the name of their file."""
 VALIDATION_PARQUET = ("table", "validity")
 """Tables that are written as Parquet too."""
-VALIDATION_WORDS = (
-    *CLOSURE_TERMS,
-    *SECTION_TERMS,
-    *VERDICT_TERMS,
-    *("exact flight", "σ", "ρ1, ρ2", "stage", "agreement", "realizable"),
-)
 CAPTIONS: dict[str, dict[str, str]] = read_texts("validation")
 """Of each figure the parts of its caption, with a word of the legend that each needs."""
 
@@ -212,7 +203,7 @@ def write_report(
         said,
         record,
         content,
-        glossary(*VALIDATION_WORDS, gears=first.scene.gears),
+        glossary("validation", gears=first.scene.gears),
         figures=figures,
         tables=frames,
         large=large,

@@ -7,7 +7,7 @@ from matplotlib.figure import Figure as Drawing
 
 from rattle.compare.chaos.figures import draw
 from rattle.compare.chaos.measure import ChaosStudy
-from rattle.compare.chaos.page import CHAOS_CAPTIONS, CHAOS_WORDS
+from rattle.compare.chaos.page import CHAOS_CAPTIONS
 from rattle.compare.checks.claims.judges import (
     CLAIM_TEXTS,
     CLAIM_UNDECIDED,
@@ -32,15 +32,6 @@ VERDICT_KINDS = {
 """Kinds of verdicts, from the worst to the best for the claim: in words, of one claim and of
 several; mark of the cell; marker and colour in the figure, from Okabe and Ito's palette (place and
 marker tell them without colour as well)."""
-CLAIM_WORDS = (
-    *CHAOS_WORDS,
-    "ρ1, ρ2",
-    "stage",
-    "accurate",
-    "reproduced",
-    "not reproduced",
-    "holds only for",
-)
 
 
 def answer(claims: list[PaperClaim]) -> list[str]:
@@ -95,7 +86,7 @@ def make_report(claims: list[PaperClaim], chaos: ChaosStudy, record: Facts) -> R
             "claims": list(zip(claims, EVIDENCE_FIGURES, strict=True)),
             "captions": CHAOS_CAPTIONS,
         },
-        glossary(*CLAIM_WORDS, gears=chaos.scene.gears),
+        glossary("claims", gears=chaos.scene.gears),
         figures=drawn | {"verdicts": verdict_figure(claims)},
         tables={"claims": numbered},
         template="checks/claims/page.j2",

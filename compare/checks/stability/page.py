@@ -26,7 +26,7 @@ from rattle.compare.report.json_text import Facts
 from rattle.compare.report.render import render_sentences
 from rattle.compare.report.report import Report
 from rattle.compare.report.style import legend_above, new_figure
-from rattle.compare.report.texts import SCHEME_TERMS, glossary
+from rattle.compare.report.texts import glossary
 from rattle.scene import Scene
 
 CHART_MARKS: Any = {
@@ -129,22 +129,6 @@ def _legend(verdicts: set[str]) -> list[Line2D]:
     return [Line2D([], [], label=label, **{"ls": "", **style}) for label, style in marks.items()]
 
 
-STABILITY_WORDS = (
-    *SCHEME_TERMS,
-    "admissible step",
-    "default step",
-    "diagnostic",
-    "unbiased",
-    "biased",
-    "unstable",
-    "no limit",
-    "standard error",
-    "σ",
-    "ε",
-    "E, sd",
-    "impact",
-    "sticking",
-)
 MARK = {UNBIASED: "good", BIASED: "bad", UNSTABLE: "bad", CHART_UNDECIDED: "open"}
 
 
@@ -220,7 +204,7 @@ def make_report(found: Chart, tried: Sequence[Result], record: Facts) -> Report:
         answer(found, tried),
         record,
         content,
-        glossary(*STABILITY_WORDS, gears=Scene.from_dict(record["scene"]).gears),
+        glossary("stability", gears=Scene.from_dict(record["scene"]).gears),
         figures={"verdicts": summary(found.table), "stability": figure(found.table)},
         tables=tables,
         digits="%.6g",
