@@ -360,12 +360,7 @@ def run_up(
     help="Keep the noise along a sweep of alpha too; else it is the paper's there, sqrt(alpha).",
 )
 @click.option("--no-sweep", is_flag=True, help="Leave sweep and bifurcation view out.")
-@click.option(
-    "--width",
-    type=float,
-    default=0.01,
-    help="Widest interval of a largest exponent.",
-)
+@shared.real("width", "Widest interval of a largest exponent.", 0.01)
 @shared.whole("points", 1_000_000, "Points of each Poincare section.")
 @shared.whole("impacts", 200_000, "Impacts of the spectra.")
 @shared.whole("events", 4000, "Pairs of paths behind each figure.")
@@ -392,11 +387,9 @@ def chaos(
     at = () if no_sweep else over.values(base, SWEEP_POINTS)
     noise = paper_noise if field == "alpha" and not keep_sigma else None
     scenes = vary(base, field, at, noise) if noise else vary(base, field, at)
-    positive("width", settings["width"])
     positive("budget", settings["budget"])
-    shared.check_counts(settings, points=100, impacts=20_000, events=128, workers=1)
+    effort = Effort(**settings).check()
     results = begin()
-    effort = Effort(**shared.pick(settings, *Effort._fields))
     found = study(base, scenes, field, effort, say_part, results.cells)
     said = "the scene's" if noise is None else "sqrt(alpha)"
     swept = {"field": field, "over": list(at), "noise": said}

@@ -21,7 +21,7 @@ from markupsafe import Markup, escape
 
 from rattle.compare.report.folder import page_files
 from rattle.compare.report.report import Report
-from rattle.compare.report.table import Table, of_numbers, of_text
+from rattle.compare.report.table import Column, Table, of_numbers
 from rattle.compare.report.texts import join_words, name_all, span, wheel_label
 from rattle.scene import duration_text, harmless, line
 from rattle.scene.text import number_text, percent
@@ -335,7 +335,7 @@ def _render(
     )
     environment.filters |= {**filters, "columns": Table.of_frame, "table_of": Table.whole}
     environment.tests["drawn"] = lambda path: (folder / path).is_file()
-    shared = {"words": report.words, "contents": Contents(), "number": of_numbers, "text": of_text}
+    shared = {"words": report.words, "contents": Contents(), "number": of_numbers, "text": Column}
     environment.globals |= {**shared, **values}
     macros = environment.get_template(f"report/templates/macros.{kind}.j2").module
     environment.globals |= {name: of for name, of in vars(macros).items() if name[0] != "_"}

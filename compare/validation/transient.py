@@ -5,7 +5,6 @@ from rattle.compare.report.render import render_sentences
 from rattle.scene import Scene
 from rattle.scene.changes import spell
 from rattle.scene.long_orbit import REST_FOR_GOOD, attractor
-from rattle.scene.text import number_text
 from rattle.scene.threshold import rattle_threshold
 
 ALWAYS = 0.9995  # share of the time from which on a mesh is called closed throughout
@@ -38,11 +37,5 @@ def describe_transient(scene: Scene) -> str:
         scene=scene,
         drag_name=lambda wheel: spell(scene, f"gamma{wheel}"),
         always=ALWAYS,
-        drag=drag_text,
     )
     return sentence
-
-
-def drag_text(value: float, unit: str) -> str:
-    """A drag to four digits, without an exponent where it is not needed."""
-    return f"{number_text(value, 4)} {unit}".rstrip()
