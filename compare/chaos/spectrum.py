@@ -64,7 +64,7 @@ class Spectrum:
         The continuous part is assumed to be smooth over 65 bins; narrower features count as bands.
         """
         around = ndimage.median_filter(self.power, size=2 * FLOOR_BINS + 1, mode="reflect")
-        return np.asarray(around * (self.dof / chdtri(self.dof, 0.5)))
+        return around * (self.dof / chdtri(self.dof, 0.5))
 
     @property
     def threshold(self) -> float:
