@@ -243,7 +243,7 @@ def claims(
     say(f"About {minutes:.1g} minutes of processor time, and what has to be compiled.", err=True)
     evidence = gather(scene, levels, at, paths, effort, say_part, results.cells)
     judged = judge(evidence)
-    asked = {"sigmas": list(levels), "over": list(at), **counts}
+    asked = {"sigmas": levels, "over": at, **counts}
     answer = results.write(judged, evidence.chaos, scene=evidence.scene.to_dict(), **asked)
     verdicts = [f"{k:2d}. {claim.name}: {claim.verdict}" for k, claim in enumerate(judged, start=1)]
     results.say([*answer, *verdicts])

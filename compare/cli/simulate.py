@@ -293,14 +293,14 @@ def stationary(
     settings = shared.pick(settings, *names)
     if settings["budget"] is None and settings["periods"] is None:
         settings["budget"] = STATIONARY_BUDGET
-    settings["quantities"] = list(quantities or ASKED)
-    settings["closures"] = [] if no_closures else list(closures or default_closures(base))
+    settings["quantities"] = quantities or ASKED
+    settings["closures"] = () if no_closures else closures or default_closures(base)
     if at:
         do(f"stationary: bifurcation diagram at {len(at)} values of {field}")
     view = stationary_bifurcation(scenes, field, seed=seed, workers=workers) if at else None
     with shared.estimates_shown():
         found = rt.stationary(base, **settings, rng=seed, workers=workers, progress="stationary")
-    settings |= {"seed": seed, "field": field, "over": list(at)}
+    settings |= {"seed": seed, "field": field, "over": at}
     answer = results.write(found, view, **settings)
     results.say(answer, lambda: found.to_dict(units or "dimensionless"))
     if found.run and not found.run.reached:
@@ -348,7 +348,7 @@ def run_up(
             workers=workers,
             progress="run-up",
         )
-    results.conclude(found, **settings, seed=seed, rpm=list(speeds), down=down)
+    results.conclude(found, **settings, seed=seed, rpm=speeds, down=down)
 
 
 @click.command()
@@ -392,5 +392,5 @@ def chaos(
     results = begin()
     found = study(base, scenes, field, effort, say_part, results.cells)
     said = "the scene's" if noise is None else "sqrt(alpha)"
-    swept = {"field": field, "over": list(at), "noise": said}
+    swept = {"field": field, "over": at, "noise": said}
     results.say(results.write(found, **settings, **swept))

@@ -31,7 +31,7 @@ def make_report(found: Any, record: Facts) -> Report:
     ).loc[order.sort_values(kind="stable").index]
     facts = {
         "label": found.label,
-        "closures": list(found.closures),
+        "closures": found.closures,
         "level": found.level,
         "tolerances": list(found.tolerances),
         "units": found.units,

@@ -41,12 +41,8 @@ class Verdicts:
     @property
     def counts(self) -> pd.DataFrame:
         """Number of predicted and judged moments of all paths with each verdict, by closure."""
-        verdicts = (
-            self.of_all_paths.groupby("closure", sort=False)["verdict"]
-            .value_counts()
-            .unstack(fill_value=0)
-        )
-        return verdicts.reindex(index=self.closure_names, columns=list(JUDGED), fill_value=0)
+        verdicts = pd.crosstab(self.of_all_paths["closure"], self.of_all_paths["verdict"])
+        return verdicts.reindex(index=self.closure_names, columns=JUDGED, fill_value=0)
 
     def list_counts(self) -> list[str]:
         """The counts in words, a line for each closure."""

@@ -11,6 +11,7 @@ from rattle.compare.judge.verdict import DECIDED, Verdict
 from rattle.compare.parameters.finding import AlongParameter, quantity_words
 from rattle.compare.report.style import (
     axis_label,
+    cell_edges,
     error_bars,
     legend_above,
     new_figure,
@@ -82,8 +83,7 @@ def map_figure(curve: pd.DataFrame, points: pd.DataFrame, along: str, over: str)
     the edges."""
     figure, (ax,) = new_figure(7.4, 4.2)
     places = np.unique(curve["along"])
-    middle = np.sqrt(places[1:] * places[:-1])
-    ends = np.r_[places[0] ** 2 / middle[0], middle, places[-1] ** 2 / middle[-1]]
+    ends = cell_edges(places)
     points = points.sort_values(["along", "value"])
     higher = points.groupby("along")[["value", "verdict"]].shift(-1)
     same = points["verdict"].where(points["verdict"] == higher["verdict"], Verdict.UNDECIDED)

@@ -17,7 +17,7 @@ from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
 
 from rattle.closure import CLOSURES
 from rattle.compare.report.texts import REPORT_TEXTS
-from rattle.scene import state_names
+from rattle.scene import Floats, state_names
 from rattle.scene.changes import unit_of_value, words_of_value
 from rattle.scene.plot import ShownFigure
 from rattle.scene.types import MOST_WHEELS
@@ -118,6 +118,14 @@ def plain_numbers(axis: Axis, values: Iterable[float]) -> None:
         axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
     axis.set_major_formatter("{x:g}")
     axis.set_minor_formatter(NullFormatter())
+
+
+def cell_edges(places: Floats) -> Floats:
+    """Edges of the cells around places on a logarithmic axis."""
+    middle = np.sqrt(places[1:] * places[:-1])
+    first = places[0] ** 2 / middle[0]
+    last = places[-1] ** 2 / middle[-1]
+    return np.concatenate([[first], middle, [last]])
 
 
 def error_bars(rows: pd.DataFrame, column: str = "value") -> Any:

@@ -170,7 +170,7 @@ def closure_figure(verdicts: pd.DataFrame) -> Figure:
     """Draw the errors of the closures in units of what is admissible."""
     rows = verdicts[verdicts["predicted"].notna() & (verdicts["tolerance"] > 0.0)]
     names = list(dict.fromkeys(rows["quantity"]))[::-1]
-    closures = list(dict.fromkeys(rows["closure"]))
+    closures = rows["closure"].unique()
     figure, (ax,) = new_figure(7.4, 1.2 + 0.17 * len(names))
     ax.axvspan(-1.0, 1.0, color=ACCURATE_COLOUR, alpha=0.3, lw=0, label="accurate")
     for i, closure in enumerate(closures):

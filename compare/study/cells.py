@@ -204,7 +204,7 @@ def check_sample(sample: Sample) -> Sample:
     return sample
 
 
-BIAS = ("bias", "se_bias", "corrected", "se_corrected", "rest")
+BIAS = ["bias", "se_bias", "corrected", "se_corrected", "rest"]
 """Columns of `Ensemble.step_bias` that are stored; ``rest`` is the step bias that extrapolation
 leaves."""
 
@@ -214,7 +214,7 @@ def _sections(run: Ensemble) -> pd.DataFrame:
     parts = [run.section[[name for name in run.section if not str(name).startswith("bias_")]]]
     for (moment, quantity), rows in run.step_bias.groupby(["moment", "quantity"], sort=False):
         name = quantity if moment == "mean" else f"sd_{quantity}"
-        parts.append(rows.set_index("impact")[list(BIAS)].add_suffix(f"_{name}"))
+        parts.append(rows.set_index("impact")[BIAS].add_suffix(f"_{name}"))
     if run.batches is not None:
         filled = run.batches.n[:, 0, 0] > 0  # batches that contain paths
         columns = {

@@ -324,7 +324,7 @@ class Study:
         given = data.get("study", {})
         if not isinstance(given, Mapping):
             raise InputError("study", given, "write it as a table: [study]")
-        name = choice("study.kind", given.get("kind", cls.kind), tuple(STUDY_KINDS))
+        name = choice("study.kind", given.get("kind", cls.kind), STUDY_KINDS)
         kind = kind_of(name)
         check_keys("study", given, ("kind", "title", *kind.KEYS))
         parts: Facts = {part: data[part] for part in TABLES if part in data}

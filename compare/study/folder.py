@@ -277,7 +277,7 @@ def _write(folder: Path, tables: Any, seconds: Mapping[str, float], facts: Facts
     record = {
         "version": manifest.VERSION,
         "kind": "study",
-        "tables": list(kind.TABLES),
+        "tables": kind.TABLES,
         "title": study.title,
         "answer": answer,
         "complete": len(seconds) == len(study.cells),

@@ -514,7 +514,7 @@ def measure(
     if orders:
         measured = _measure_orders(base, firsts, euler, allowance, seed, workers)
     return Tradeoff(
-        pd.DataFrame(points, columns=list(CostPoint._fields)),
+        pd.DataFrame(points, columns=CostPoint._fields),
         accuracies,
         {name: models[name] for name in SCHEMES},
         levels,

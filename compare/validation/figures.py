@@ -20,6 +20,7 @@ from rattle.compare.report.style import (
     STYLE,
     SYMBOL,
     VALUE_LABELS,
+    cell_edges,
     legend_above,
     new_figure,
     new_panels,
@@ -228,8 +229,7 @@ def validity_figure(table: pd.DataFrame, impacts: int) -> Figure:
 
 def _panel(ax: Axes, rows: pd.DataFrame, closure: str, impacts: int) -> None:
     sigma = rows["sigma"].to_numpy()
-    middle = np.sqrt(sigma[1:] * sigma[:-1])
-    edges = np.concatenate([[sigma[0] ** 2 / middle[0]], middle, [sigma[-1] ** 2 / middle[-1]]])
+    edges = cell_edges(sigma)
     accurate = rows["accurate"].to_numpy()
     not_inaccurate = rows["not_inaccurate"].to_numpy()
     colour = STYLE[closure]["color"]

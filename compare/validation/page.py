@@ -212,7 +212,7 @@ def write_report(
         more={f"`{name}.csv`": f"sha256 {digest}" for name, digest in digests.items()},
     )
     save(out, report, overwrite)
-    return record | {"answer": list(said)}
+    return record | {"answer": said}
 
 
 def write_one(v: Comparison, out: Path, overwrite: bool) -> Path:

@@ -44,7 +44,7 @@ DEFAULT_OFFSET = 0.28  # horizontal offset of the cell at the default step, in c
 def summary(table: pd.DataFrame) -> Drawing:
     """Draw how many cells with an admissible step have which verdict, at the default step and at
     all of them."""
-    schemes = list(dict.fromkeys(table["scheme"]))
+    schemes = table["scheme"].unique()
     cells = table[table["share"] <= 1.0]
     drawn, panels = new_figure(10.0, 0.42 * len(schemes) + 1.2, 1, 2)
     shown = (("at the default step", cells[cells["default"]]), ("at every admissible step", cells))
@@ -73,8 +73,8 @@ def _nonzero(number: float) -> str:
 
 def figure(table: pd.DataFrame) -> Drawing:
     """Draw the map."""
-    schemes = list(dict.fromkeys(table["scheme"]))
-    axes = list(dict.fromkeys(table["axis"]))
+    schemes = table["scheme"].unique()
+    axes = table["axis"].unique()
     drawn, panels = new_figure(
         2.9 * len(axes) + 0.8, 2.7 * len(schemes) + 0.9, len(schemes), len(axes)
     )
