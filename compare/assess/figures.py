@@ -22,7 +22,6 @@ def threshold_figure(scene: Scene, thresholds: tuple[RattleThreshold, ...]) -> F
     ax.set_yticks(places, labels)
     ax.invert_yaxis()
     unit = thresholds[0].unit
-    ax.set_xlabel(f"drag torque ({unit})" if unit else "drag γ")
-    ax.set_xlim(left=0.0)
+    ax.set(xlabel=f"drag torque ({unit})" if unit else "drag γ", xlim=(0.0, None))
     legend_above(figure, 1)
     return figure

@@ -18,19 +18,13 @@ from rattle.compare.chaos.measure import CLAIMED, ChaosStudy
 from rattle.compare.chaos.record import STICKS_AT_TIMES, STICKS_FOR_GOOD, STICKS_OFTEN
 from rattle.compare.chaos.section import MAP, NOISY, ORBIT_SECTION, Section
 from rattle.compare.chaos.spectrum import SEQUENCE, VELOCITY_IN_TIME, Spectra, Spectrum
-from rattle.compare.chaos.sweep import WITH_NOISE, WITHOUT_NOISE, Bifurcation
+from rattle.compare.chaos.sweep import Bifurcation
 from rattle.compare.report.style import SYMBOL, axis_label, legend_above, new_figure, new_panels
+from rattle.compare.report.texts import REPORT_TEXTS
 from rattle.scene import Bools, Floats, Gears
 
-SIDE: Any = {
-    ORBIT_SECTION: {"color": "#0072B2", "marker": "o"},
-    MAP: {"color": "#009E73", "marker": "^"},
-    NOISY: {"color": "#D55E00", "marker": "D"},
-    NOISY_PATH: {"color": "#D55E00", "marker": "D"},
-    WITHOUT_NOISE: {"color": "#0072B2"},
-    WITH_NOISE: {"color": "#D55E00"},
-}
-"""Colours of the sides, from Okabe and Ito's palette."""
+SIDE: Any = REPORT_TEXTS["marks"]["sides"]
+"""Colours of the sides."""
 LEAST_DENSITY = 1e-4  # lower end of the colours of a density, relative to its highest
 HIGHEST_FREQUENCY = 6.5  # highest frequency drawn, in units of the excitation frequency
 
@@ -162,9 +156,7 @@ def _mark_values(
         label = ""
 
 
-def sweep_figure(
-    table: pd.DataFrame, field: str = "alpha", claimed: tuple[float, float] | None = None
-) -> Figure:
+def sweep_figure(table: pd.DataFrame, field: str, claimed: tuple[float, float] | None) -> Figure:
     """Draw the largest exponent over a field (Fig. 4 of the paper)."""
     figure, (ax,) = new_figure(8.0, 4.4)
     if claimed:
@@ -230,8 +222,8 @@ def finite_size_figure(table: pd.DataFrame, orbit: Exponents, drift: Exponents) 
     ):
         if (value := exponents.largest[0]) > 0.0:
             ax.axhline(value, color=colour, ls=style, lw=1.3, label=name)
-    ax.set(xscale="log", yscale="log", ylabel=r"growth rate ($\omega$)")
-    ax.set_xlabel(r"distance $\delta$ of two paths on the same noise ($\nu_1$)")
+    distance = r"distance $\delta$ of two paths on the same noise ($\nu_1$)"
+    ax.set(xscale="log", yscale="log", ylabel=r"growth rate ($\omega$)", xlabel=distance)
     legend_above(figure, 1)
     return figure
 
@@ -247,17 +239,17 @@ def sqrt_law_figure(law: SqrtLaw) -> Figure:
     ax.plot("delta", "apart", data=t, label=label, ls="none", ms=5, **SIDE[NOISY])
     ax.plot("delta", "law", data=t, color="k", lw=1.0, label=of_law)
     ax.plot("delta", "delta", data=t, color="0.5", lw=1.0, ls=":", label=of_a_map)
+    before = r"distance before the impact $\delta$ ($\nu_1$)"
     ax.set(
         xscale="log",
         yscale="log",
+        xlabel=before,
         ylabel=r"distance of velocities after the impact ($\nu_1\omega$)",
     )
     ax.set_title(f"exponent {law.exponent:.4f} ± {0.5 * (law.high - law.low):.4f}", loc="left")
     _intervals(ratio, t, "ratio", ls="none")
     ratio.axhline(1.0, color="k", lw=1.0)
-    ratio.set(xscale="log", ylabel="mean square / that of the square-root law")
-    for a in (ax, ratio):
-        a.set_xlabel(r"distance before the impact $\delta$ ($\nu_1$)")
+    ratio.set(xscale="log", xlabel=before, ylabel="mean square / that of the square-root law")
     legend_above(figure, 3, [ax])
     return figure
 

@@ -18,15 +18,10 @@ from rattle.compare.report.style import (
     new_panels,
     plain_numbers,
 )
+from rattle.compare.report.texts import REPORT_TEXTS
 from rattle.compare.study.parameters import PERCENT
 
-COLOURS = {
-    Verdict.ACCURATE: "#009E73",
-    Verdict.INACCURATE: "#D55E00",
-    Verdict.UNDECIDED: "#999999",
-    "below": "#009E73",
-    "above": "#D55E00",
-}
+COLOURS: dict[str, str] = REPORT_TEXTS["marks"]["searches"]
 LESS = "#0072B2"
 MORE = "#D55E00"
 BENT_COLOUR = "#999999"
@@ -40,8 +35,7 @@ def boundary_figure(found: AlongParameter) -> Figure:
     least = 0.5 * min([0.1, *table["error"]])
     table["low"] = table["low"].clip(lower=least)
     figure, ax = _draw_search(found, table, "error", "where it stops holding", "tolerance", 1.0)
-    ax.set(yscale="log", ylabel="worst error / tolerance")
-    ax.set_ylim(bottom=least)
+    ax.set(yscale="log", ylabel="worst error / tolerance", ylim=(least, None))
     return figure
 
 
@@ -49,8 +43,8 @@ def crossing_figure(found: AlongParameter, level: float, up: str) -> Figure:
     """Draw a quantity with its interval at every value, and the level."""
     table = found.points.dropna(subset="estimate")
     figure, ax = _draw_search(found, table, "estimate", "where it crosses", "level", level)
-    ax.set_ylabel(up)
-    ax.set_ylim(bottom=0.0 if (table["estimate"] >= 0.0).all() else None)
+    least = 0.0 if (table["estimate"] >= 0.0).all() else None
+    ax.set(ylabel=up, ylim=(least, None))
     return figure
 
 

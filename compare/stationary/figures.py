@@ -134,8 +134,8 @@ def memory_figure(table: pd.DataFrame) -> Figure:
     ax.plot(rows["autocorrelation"], at, ls="none", marker="o", ms=4, color=colour)
     ax.axvline(1.0, color="k", lw=0.9)
     ax.set_yticks(at, rows.index, fontsize=7)
-    ax.set(xscale="log", ylim=(-1.0, len(rows)))
-    ax.set_xlabel("autocorrelation time (impacts); 1: as if impacts were independent")
+    name = "autocorrelation time (impacts); 1: as if impacts were independent"
+    ax.set(xscale="log", ylim=(-1.0, len(rows)), xlabel=name)
     return figure
 
 
@@ -144,13 +144,14 @@ def scatter_figure(scatter: pd.DataFrame, sets: Mapping[str, Floats]) -> Figure:
     intervals."""
     figure, axes = new_figure(3.1 * len(sets), 3.4, 1, len(sets))
     for ax, (quantity, values) in zip(axes, sets.items(), strict=True):
-        rows = scatter[scatter["quantity"] == quantity].dropna(subset="low")
+        rows: Any = scatter[scatter["quantity"] == quantity].dropna(subset="low")
         steps = np.sort(values)
         share = 100.0 * np.arange(1, len(steps) + 1) / len(steps)
         ax.step(steps, share, where="post", color=SIMULATED_COLOUR, lw=1.0, label="gear sets")
         ax.errorbar(
-            rows["value"],
-            rows["percent"],
+            "value",
+            "percent",
+            data=rows,
             xerr=error_bars(rows),
             label="quantile with 95 % interval",
             fmt="o",
@@ -159,8 +160,7 @@ def scatter_figure(scatter: pd.DataFrame, sets: Mapping[str, Floats]) -> Figure:
             color=STYLE["saltation"]["color"],
         )
         unit = scatter.loc[scatter["quantity"] == quantity, "unit"].iloc[0]
-        ax.set_xlabel(f"{quantity} ({unit})" if unit else quantity)
-        ax.set_ylim(0.0, 100.0)
+        ax.set(xlabel=f"{quantity} ({unit})" if unit else quantity, ylim=(0.0, 100.0))
     axes[0].set_ylabel("share of gear sets below (%)")
     legend_above(figure, 2)
     return figure

@@ -3,7 +3,7 @@
 A cell knows every input that determines its result.  Their digest is its key in the store.
 """
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
@@ -88,7 +88,7 @@ class Sample(Cell):
     def settings(self) -> Facts:
         """Everything that determines the result besides the scene, with the default step filled
         in."""
-        settings = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "scene"}
+        settings = self.list_fields()
         if self.dt is None and self.accuracy is None:
             settings["dt"] = default_step(
                 self.scene, self.scheme, SCHEMES[self.scheme].has_step_bias

@@ -111,16 +111,6 @@ def read_axes(tables: Sequence[Mapping[str, Any]], scene: Scene) -> tuple[Axis, 
     return tuple(axes)
 
 
-def combination(axes: Sequence[Axis], number: int) -> Coordinates:
-    """Give one point of the grid by its index, the last axis running fastest."""
-    steps = np.unravel_index(number, [len(axis.values) for axis in axes])
-    return {
-        name: value
-        for axis, step in zip(axes, steps, strict=True)
-        for name, value in zip(axis.names, axis.values[step], strict=True)
-    }
-
-
 def _values(name: str, given: Any) -> tuple[Any, ...]:
     """Read the values of a field along an axis: a list, or evenly spaced ones."""
     field = f"axes.{name}"
@@ -422,8 +412,13 @@ class Study:
         return None if varies else self.scene.gears
 
     def _point(self, number: int) -> Point:
-        """One point of the grid by its index."""
-        coordinates = combination(self.axes, number)
+        """One point of the grid by its index, the last axis running fastest."""
+        steps = np.unravel_index(number, [len(axis.values) for axis in self.axes])
+        coordinates = {
+            name: value
+            for axis, step in zip(self.axes, steps, strict=True)
+            for name, value in zip(axis.names, axis.values[step], strict=True)
+        }
         varied = {name: value for name, value in coordinates.items() if name in SETTING_NAMES}
         changes = {name: value for name, value in coordinates.items() if name not in varied}
         try:

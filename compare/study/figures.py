@@ -13,21 +13,18 @@ from matplotlib.figure import Figure
 from rattle.compare.judge.verdict import ACCURATE_UP_TO, ENDED, NOT_WRONG, WRONG, Verdict, want
 from rattle.compare.report.style import (
     STYLE,
-    SYMBOL,
     axis_label,
     legend_above,
     new_figure,
     plain_numbers,
     whole_impacts,
 )
+from rattle.compare.report.texts import REPORT_TEXTS
 from rattle.compare.study.design import Placed, Study
 
 IMPACT_COLOURS = ("#440154", "#31688E", "#35B779", "#C7B700")
 """Line colours of up to four impacts, in order (from viridis)."""
-MOMENT_STYLE: Any = {
-    "mean": {"color": "#0072B2", "marker": "o"},
-    "sd": {"color": "#D55E00", "marker": "s"},
-}
+MOMENT_STYLE: Any = REPORT_TEXTS["marks"]["moments"]
 BAND = 0.2  # opacity of an interval
 FLOOR = 1e-4  # lower end of a logarithmic error axis, in sds
 
@@ -182,26 +179,20 @@ def _agreement(axes: list[Axes], r: Any, rows: pd.DataFrame) -> None:
     axes[0].set(ylim=(-0.02, 1.04), ylabel="paths on the noise-free itinerary")
 
 
-SECTION_PANELS = {
-    ("tau", "sd"): f"sd of {SYMBOL['tau']}",
-    ("y1", "sd"): rf"sd of {SYMBOL['y1']} ($\nu_1\omega$)",
-    ("rate", "mean"): r"impacts so far / mean $\tau$",
-    ("tau", "skew"): f"skewness of {SYMBOL['tau']}",
-    ("y1", "skew"): f"skewness of {SYMBOL['y1']}",
-    ("energy", "mean"): r"energy lost ($I_1/R_1^2\,(\nu_1\omega)^2$)",
-}
-"""Label of each panel, by the quantity and the moment that it shows."""
+SECTION_PANELS: list[dict[str, str]] = REPORT_TEXTS["marks"]["panels"]
+"""Quantity, moment and label of each panel."""
 
 
 def _sections(axes: list[Axes], r: Any, rows: pd.DataFrame) -> None:
     """Draw sd and skewness at some impacts, impact rate and energy loss, with 95 % intervals."""
-    for ax, ((quantity, moment), label) in zip(axes, SECTION_PANELS.items(), strict=True):
-        part = rows[(rows["quantity"] == quantity) & (rows["moment"] == moment)]
+    for ax, panel in zip(axes, SECTION_PANELS, strict=True):
+        moment = panel["moment"]
+        part = rows[(rows["quantity"] == panel["quantity"]) & (rows["moment"] == moment)]
         for style, group in _by_impact(part, r):
             half = 1.96 * group["se"]
             value = group["value"]
             _draw_band(ax, group[r.study.along], value, value - half, value + half, ms=2.5, **style)
-        ax.set_ylabel(label)
+        ax.set_ylabel(panel["label"])
         if moment == "sd" and (part["value"] > 0.0).any():
             ax.set_yscale("log")
         if moment == "skew":

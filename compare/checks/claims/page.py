@@ -1,6 +1,7 @@
 """All claims in the order of the paper; the page and the folder of ``rattle check claims``."""
 
 from collections import Counter
+from typing import Any
 
 import pandas as pd
 from matplotlib.figure import Figure as Drawing
@@ -10,28 +11,18 @@ from rattle.compare.chaos.measure import ChaosStudy
 from rattle.compare.chaos.page import CHAOS_CAPTIONS
 from rattle.compare.checks.claims.judges import (
     CLAIM_TEXTS,
-    CLAIM_UNDECIDED,
-    HOLDS_IN_PART,
     NOT_REPRODUCED,
-    REPRODUCED,
     PaperClaim,
 )
 from rattle.compare.report.json_text import Facts
 from rattle.compare.report.report import Report
 from rattle.compare.report.style import new_figure
-from rattle.compare.report.texts import glossary, join_words
+from rattle.compare.report.texts import REPORT_TEXTS, glossary, join_words
 
 EVIDENCE_FIGURES = [text.get("figure", "") for text in CLAIM_TEXTS.values()]
 """Figure of the study of chaos that shows the evidence of each claim, if there is one."""
-VERDICT_KINDS = {
-    NOT_REPRODUCED: ("is not reproduced", "are not reproduced", "bad", "X", "#D55E00"),
-    CLAIM_UNDECIDED: ("is undecided", "are undecided", "open", "^", "#999999"),
-    HOLDS_IN_PART: ("holds only in part", "hold only in part", "part", "D", "#E69F00"),
-    REPRODUCED: ("is reproduced", "are reproduced", "good", "o", "#009E73"),
-}
-"""Kinds of verdicts, from the worst to the best for the claim: in words, of one claim and of
-several; mark of the cell; marker and colour in the figure, from Okabe and Ito's palette (place and
-marker tell them without colour as well)."""
+VERDICT_KINDS: Any = REPORT_TEXTS["marks"]["claims"]
+"""Kinds of verdicts, from the worst to the best for the claim."""
 
 
 def answer(claims: list[PaperClaim]) -> list[str]:
@@ -39,7 +30,7 @@ def answer(claims: list[PaperClaim]) -> list[str]:
     counts = Counter(c.kind for c in claims)
     said = join_words(
         [
-            f"{n} {VERDICT_KINDS[kind][n > 1]}"
+            f"{n} {VERDICT_KINDS[kind]['said'][n > 1]}"
             for kind in reversed(VERDICT_KINDS)
             if (n := counts[kind])
         ]
@@ -57,8 +48,8 @@ def verdict_figure(claims: list[PaperClaim]) -> Drawing:
     kinds = [kind for kind in VERDICT_KINDS if any(c.kind == kind for c in claims)]
     figure, (ax,) = new_figure(8.6, 0.27 * len(claims) + 0.7)
     for row, claim in enumerate(claims):
-        marker, colour = VERDICT_KINDS[claim.kind][3:]
-        ax.plot(kinds.index(claim.kind), row, ms=10, ls="none", marker=marker, color=colour)
+        style = VERDICT_KINDS[claim.kind]["style"]
+        ax.plot(kinds.index(claim.kind), row, ms=10, ls="none", **style)
     ax.set_xticks(
         range(len(kinds)), [f"{kind}: {sum(c.kind == kind for c in claims)}" for kind in kinds]
     )
@@ -75,7 +66,7 @@ def make_report(claims: list[PaperClaim], chaos: ChaosStudy, record: Facts) -> R
     """The report on the claims."""
     drawn = {name: figure for name, figure in draw(chaos).items() if name in EVIDENCE_FIGURES}
     numbered = pd.DataFrame({"claim": range(1, len(claims) + 1)}).join(pd.DataFrame(claims))
-    marks = [VERDICT_KINDS[claim.kind][2] for claim in claims]
+    marks = [VERDICT_KINDS[claim.kind]["cell"] for claim in claims]
     return Report(
         "claims",
         "The paper's claims, judged",

@@ -6,10 +6,10 @@ Steps are admissible and longer ones, and the default step.
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from functools import partial, reduce
 from pathlib import Path
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -295,13 +295,13 @@ class Chart(NamedTuple):
 class Place(Cell):
     """The cells of the map at one value of an axis: every scheme, at every step."""
 
-    packages: ClassVar[tuple[str, ...]] = (
+    packages = (
         "closure",
         "montecarlo",
         "compare/checks/stability",
         "compare/validation",
     )
-    group: ClassVar[str] = "places of the map"
+    group = "places of the map"
 
     scene: Scene
     axis: str
@@ -319,9 +319,7 @@ class Place(Cell):
     @property
     def settings(self) -> Facts:
         """Everything that determines the result besides the scene."""
-        asked = asdict(self) | {"kind": "stability"}
-        del asked["scene"]
-        return asked
+        return {"kind": "stability"} | self.list_fields()
 
     def evaluate(self, blocks: Blocks | None = None) -> tuple[pd.DataFrame, Facts]:
         """Judge the cells."""

@@ -26,17 +26,10 @@ from rattle.compare.report.json_text import Facts
 from rattle.compare.report.render import render_sentences
 from rattle.compare.report.report import Report
 from rattle.compare.report.style import legend_above, new_figure
-from rattle.compare.report.texts import glossary
+from rattle.compare.report.texts import REPORT_TEXTS, glossary
 from rattle.scene import Scene
 
-CHART_MARKS: Any = {
-    UNBIASED: {"color": "#0072B2", "marker": "o"},
-    CHART_UNDECIDED: {"color": "#999999", "marker": "^"},
-    BIASED: {"color": "#D55E00", "marker": "s"},
-    UNSTABLE: {"color": "#000000", "marker": "X"},
-    COLLAPSING: {"color": "#CC79A7", "marker": "D"},
-}
-"""Colours of Okabe and Ito's palette; markers distinguish the verdicts without colour as well."""
+CHART_MARKS: Any = REPORT_TEXTS["marks"]["stability"]
 REFUSED_COLOUR = "#E8E8E8"
 DEFAULT_OFFSET = 0.28  # horizontal offset of the cell at the default step, in columns
 
@@ -96,7 +89,6 @@ def _draw_panel(ax: Axes, part: pd.DataFrame) -> None:
     longest = part["dt"] / part["share"]
     longest = longest.groupby(part["value"], sort=False).first()
     values = list(longest.index)
-    ax.set_yscale("log")
     low = 0.4 * part["dt"].min()
     high = 2.5 * part["dt"].max()
     edges = [-0.5, *range(len(values)), len(values) - 0.5]
@@ -111,7 +103,7 @@ def _draw_panel(ax: Axes, part: pd.DataFrame) -> None:
         size = 4.0 if cell.default else 5.5
         edge: Any = {"mec": style["color"], "mew": 1.2, "ls": ""}
         ax.plot(x, cell.dt, style["marker"], ms=size, mfc=face, **edge)
-    ax.set(ylim=(low, high), xlim=(-0.5, len(values) - 0.5))
+    ax.set(yscale="log", ylim=(low, high), xlim=(-0.5, len(values) - 0.5))
     ax.set_xticks(range(len(values)), [f"{v:g}" for v in values], fontsize=7.5)
 
 
