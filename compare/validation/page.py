@@ -87,18 +87,6 @@ def _draw_section(v: Comparison, number: int) -> DrawnSection:
     return DrawnSection(content, figures)
 
 
-def _describe_own_closures(v: Comparison) -> list[str]:
-    """What each closure of one's own is, where there is one."""
-    sentences = []
-    for name, method in ((name, m.method) for name, m in v.predictions.items() if m.method.own):
-        explained = getattr(method.function, "__doc__", None) or "no description"
-        meaning = explained.strip().split("\n")[0]
-        where = f" (`{method.reference}`)" if method.reference else ""
-        source = f"is a closure of one's own, source {method.digest[:12]}"
-        sentences.append(f"`{name}`{where} {source}: {meaning}")
-    return sentences
-
-
 def _draw(first: Comparison, validations: Sequence[Comparison], swept: Sweep | None) -> Any:
     """The figures of all noise intensities together, with the texts of their captions."""
     agreement = {
@@ -128,7 +116,7 @@ def _fill(
     marks = [f"{SIGNS_OF_MARKS[mark] or '–'} {verdict}" for verdict, mark in MARKS.items()]
     content: Facts = {
         "swept": swept is not None,
-        "own_closures": _describe_own_closures(first),
+        "predictions": first.predictions,
         "marks": ", ".join(marks),
         "rule": RULE,
         "claim": correlation_claim(validations),
