@@ -1,6 +1,5 @@
 """All claims in the order of the paper; the page and the folder of ``rattle check claims``."""
 
-from collections import Counter
 from typing import Any
 
 import pandas as pd
@@ -15,9 +14,10 @@ from rattle.compare.checks.claims.judges import (
     PaperClaim,
 )
 from rattle.compare.report.json_text import Facts
+from rattle.compare.report.render import render_sentences
 from rattle.compare.report.report import Report
 from rattle.compare.report.style import new_figure
-from rattle.compare.report.texts import REPORT_TEXTS, glossary, join_words
+from rattle.compare.report.texts import REPORT_TEXTS, glossary
 
 EVIDENCE_FIGURES = [text.get("figure", "") for text in CLAIM_TEXTS.values()]
 """Figure of the study of chaos that shows the evidence of each claim, if there is one."""
@@ -27,19 +27,9 @@ VERDICT_KINDS: Any = REPORT_TEXTS["marks"]["claims"]
 
 def answer(claims: list[PaperClaim]) -> list[str]:
     """Summarise how many claims have which verdict, and which are not reproduced."""
-    counts = Counter(c.kind for c in claims)
-    said = join_words(
-        [
-            f"{n} {VERDICT_KINDS[kind]['said'][n > 1]}"
-            for kind in reversed(VERDICT_KINDS)
-            if (n := counts[kind])
-        ]
+    return render_sentences(
+        "checks/claims/answer.j2", claims=claims, kinds=VERDICT_KINDS, failed=NOT_REPRODUCED
     )
-    failed = [f"“{c.name}”" for c in claims if c.kind == NOT_REPRODUCED]
-    return [
-        f"Of {len(claims)} testable claims of the paper"
-        f" {said}{f': {join_words(failed)}' if failed else ''}."
-    ]
 
 
 def verdict_figure(claims: list[PaperClaim]) -> Drawing:

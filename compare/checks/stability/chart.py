@@ -68,20 +68,13 @@ def moderate(
     return replace(pair, sigma=sigma, epsilon=epsilon)
 
 
-class MapAxis(NamedTuple):
-    """An axis of the map."""
-
-    symbol: str  # for the figure
-    values: tuple[float, ...]  # of an argument of `moderate`
-
-
 AXES = {
-    "beta": MapAxis(r"damping $\beta_1$", (0.0, 1e-3, 0.1, 1.0, 10.0, 100.0, 1e3)),
-    "gap": MapAxis("half gap $g$", (1e-8, 1e-6, 1e-4, 1e-2, 0.5, 30.0, 1e4)),
-    "sigma": MapAxis(r"noise $\sigma$", (0.0, 1e-3, 0.03, 0.3, 3.0, 100.0, 1e4)),
-    "epsilon": MapAxis(r"restitution $\epsilon$", (0.0, 0.1, 0.3, 0.6, 0.9, 0.99, 1.0)),
+    "beta": (r"damping $\beta_1$", (0.0, 1e-3, 0.1, 1.0, 10.0, 100.0, 1e3)),
+    "gap": ("half gap $g$", (1e-8, 1e-6, 1e-4, 1e-2, 0.5, 30.0, 1e4)),
+    "sigma": (r"noise $\sigma$", (0.0, 1e-3, 0.03, 0.3, 3.0, 100.0, 1e4)),
+    "epsilon": (r"restitution $\epsilon$", (0.0, 0.1, 0.3, 0.6, 0.9, 0.99, 1.0)),
 }
-"""All axes by the argument of `moderate` that varies."""
+"""All axes by the argument of `moderate` that varies: the symbol in the figure, and the values."""
 
 
 CHART_IMPACTS = 4
@@ -358,7 +351,7 @@ def chart(
     results are stored: the same map continues there after an interruption.
     """
     chosen = [round(i * 6 / max(points - 1, 1)) for i in range(points)]
-    places = [(axis, AXES[axis].values[i]) for axis in axes for i in chosen]
+    places = [(axis, AXES[axis][1][i]) for axis in axes for i in chosen]
     rows = 2 * len(section_names(2)) * CHART_IMPACTS
     cells_of_a_place = len(schemes) * (len(SHARES) + 1)
     z = widest(len(places) * cells_of_a_place * rows * len(sizes(paths)))

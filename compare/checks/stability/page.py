@@ -76,7 +76,7 @@ def figure(table: pd.DataFrame) -> Drawing:
         if axis == axes[0]:
             ax.set_ylabel(f"{scheme}\nstep dt")
         if scheme == schemes[-1]:
-            ax.set_xlabel(AXES[axis].symbol)
+            ax.set_xlabel(AXES[axis][0])
     drawn.legend(
         handles=_legend(set(table["verdict"])),
         loc="outside upper center",
