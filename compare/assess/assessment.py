@@ -7,16 +7,15 @@ from typing import TYPE_CHECKING
 import pandas as pd
 
 from rattle.compare.assess.requirement import Fulfilment, Requirement
-from rattle.compare.judge.verdict import Verdict
+from rattle.compare.judge.verdict import DECIDED
 from rattle.compare.parameters.boundary import Boundary
 from rattle.compare.parameters.sensitivity import Sensitivity
 from rattle.compare.report.finding import Finding
-from rattle.compare.report.render import render_sentences
-from rattle.compare.report.texts import wheel_label
+from rattle.compare.report.render import render_sentences, render_text
 from rattle.compare.stationary.page import share_energy, show_quantity
 from rattle.compare.stationary.result import Stationary, speed_text, usual_units
 from rattle.compare.study.parameters import PERCENT, find_parameters
-from rattle.scene import Scene
+from rattle.scene import Scene, line
 from rattle.scene.numpy_errors import numpy_defaults
 from rattle.scene.text import number_text
 from rattle.scene.threshold import RattleThreshold
@@ -119,7 +118,6 @@ class Assessment(Finding):
             opened=[t for t in self.thresholds if t.opens],
             table=table.to_dict("index"),
             meshes=range(1, self.scene.stages + 1),
-            label=partial(wheel_label, self.scene),
             show=partial(show_quantity, table),
             shares=share_energy(self.scene, table),
             slow=speed_text(self.motion.slow, self.scene.gears, self.units) if self.motion else "",
@@ -130,9 +128,7 @@ class Assessment(Finding):
             ],
             unknown=[part for part in self.missing if part.startswith("`")],
             impacts=ASSESSED_IMPACTS,
-            loudness=LOUDNESS,
             change=PERCENT,
-            number=number_text,
         )
 
     def _name_levers(self) -> list[dict[str, str]]:
@@ -187,19 +183,9 @@ class Assessment(Finding):
 
 def describe_use(found: Boundary, sigma: float) -> str:
     """Whether a closure can be used at a noise intensity, from where it stops holding, in words."""
-    accurate = found.points.loc[found.points["verdict"] == Verdict.ACCURATE, "value"]
-    wrong = found.points.loc[found.points["verdict"] == Verdict.INACCURATE, "value"]
-    if wrong.empty and accurate.empty:
-        return "is not decided"
-    if accurate.empty:
-        return f"is shown wrong from σ = {wrong.min():.3g} on: do not use it (σ is {sigma:.3g})"
+    points = found.points
+    accurate, wrong = (points.loc[points["verdict"] == verdict, "value"] for verdict in DECIDED)
     # beyond an edge that lies lower nothing counts
     until = accurate[accurate < wrong.min()].max() if len(wrong) else accurate.max()
-    reach = f"is accurate up to σ = {until:.3g}"
-    if len(wrong):
-        reach += f" and shown wrong at {wrong.min():.3g}"
-    if sigma <= until:
-        return f"{reach}: it can be used (σ is {sigma:.3g})"
-    if len(wrong) and sigma >= wrong.min():
-        return f"{reach}: do not use it (σ is {sigma:.3g})"
-    return f"{reach}: not decided for σ = {sigma:.3g}"
+    values = {"accurate": accurate, "wrong": wrong, "until": until, "sigma": sigma}
+    return line(render_text("assess/use.j2", **values))

@@ -10,7 +10,7 @@ from rattle.scene.threshold import RattleThreshold
 
 def threshold_figure(scene: Scene, thresholds: tuple[RattleThreshold, ...]) -> Figure:
     """Draw the drag of each wheel beside that from which on its closed teeth stay closed."""
-    figure, (ax,) = new_figure(7.4, 1.0 + 0.55 * len(thresholds), 1, 1)
+    figure, (ax,) = new_figure(7.4, 1.0 + 0.55 * len(thresholds))
     places = range(len(thresholds))
     colours = ["#D55E00" if t.opens else "#009E73" for t in thresholds]
     ax.barh(places, [t.drag for t in thresholds], height=0.5, color=colours)
@@ -22,7 +22,6 @@ def threshold_figure(scene: Scene, thresholds: tuple[RattleThreshold, ...]) -> F
     ax.set_yticks(places, labels)
     ax.invert_yaxis()
     unit = thresholds[0].unit
-    ax.set_xlabel(f"drag torque ({unit})" if unit else "drag γ")
-    ax.set_xlim(left=0.0)
-    legend_above(figure, [ax], 1)
+    ax.set(xlabel=f"drag torque ({unit})" if unit else "drag γ", xlim=(0.0, None))
+    legend_above(figure, 1)
     return figure

@@ -5,11 +5,9 @@ import pandas as pd
 from rattle.compare.assess.assessment import Assessment
 from rattle.compare.report.json_text import Facts
 from rattle.compare.report.report import Report
-from rattle.compare.report.texts import VERDICT_TERMS, glossary
+from rattle.compare.report.texts import glossary
 from rattle.compare.stationary.page import tabulate_meshes
 from rattle.compare.study.parameters import PERCENT
-
-ASSESS_WORDS = ("`saltation`", "`branching`", *VERDICT_TERMS, "simulation", "σ", "ε", "E, sd")
 
 
 def make_report(found: Assessment, record: Facts) -> Report:
@@ -30,7 +28,7 @@ def make_report(found: Assessment, record: Facts) -> Report:
         found.answer,
         record | found.to_dict(),
         content,
-        glossary(*ASSESS_WORDS, gears=gears),
+        glossary("assess", gears=gears),
         figures=found.figures(),
         tables=tables,
         digits="%.6g",

@@ -15,7 +15,7 @@ from rattle.compare.report.provenance import provenance
 from rattle.compare.report.save import save
 from rattle.montecarlo.looks import begin_budget
 from rattle.montecarlo.seed import Rng, read_whole_seed
-from rattle.scene import Scene, as_html, check_scene, compile_ahead, count, positive
+from rattle.scene import Scene, as_html, check_scene, compile_ahead
 from rattle.scene.numpy_errors import numpy_defaults
 from rattle.scene.progress import print_on_stderr
 
@@ -176,13 +176,9 @@ def chaos(
     check_scene(scene)
     compile_ahead.expect("chaos", len(scene.drive))
     scenes = vary(scene, field, over)
-    positive("width", width)
-    count("points", points, least=100)
-    count("impacts", impacts, least=20_000)
-    count("events", events, least=128)
     seconds = begin_budget(budget).seconds
     seed = read_whole_seed(rng)
-    effort = Effort(points, impacts, events, width, seed, count("workers", workers), seconds)
+    effort = Effort(points, impacts, events, width, seed, workers, seconds).check()
     say = print_on_stderr if progress else str
     found = study(scene, scenes, field, effort, say, None if folder is None else Path(folder))
     return Chaos(**vars(found))

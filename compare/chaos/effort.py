@@ -3,7 +3,7 @@ decides what its figures show."""
 
 import math
 from collections.abc import Mapping
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 from rattle.compare.chaos.exponents import (
     DELTAS,
@@ -16,7 +16,7 @@ from rattle.compare.chaos.exponents import (
 from rattle.compare.chaos.record import Regime
 from rattle.compare.chaos.spectrum import SEGMENT, SEGMENTS, SPECTRUM_PATHS, VELOCITY_IN_TIME
 from rattle.montecarlo.looks import CountedWork
-from rattle.scene import Scene
+from rattle.scene import Scene, count, positive
 
 CHAOS_BUDGET = 60.0  # core-seconds, by default
 # nominal core-seconds, measured on DAT21 and four gear sets: an impact, the same with tangents, a
@@ -32,6 +32,8 @@ PART_WEIGHTS = {"exponents": 1.0, "sections": 1.5, "spectra": 1.5, "events": 1.5
 FEWEST_OF_SECTION = 1000
 FEWEST_OF_SPECTRA = 20_000
 FEWEST_EVENTS = 128
+LEAST_OF_EFFORT = {"points": 100, "impacts": 20_000, "events": FEWEST_EVENTS, "workers": 1}
+"""Of what is asked for, the least by its name."""
 
 
 class Effort(NamedTuple):
@@ -45,6 +47,13 @@ class Effort(NamedTuple):
     seed: int = 0
     workers: int = 2
     budget: float = math.inf  # core-seconds
+
+    def check(self) -> Self:
+        """Check all but seed and budget."""
+        positive("width", self.width)
+        for name, least in LEAST_OF_EFFORT.items():
+            count(name, getattr(self, name), least=least)
+        return self
 
 
 class Sizes(CountedWork):

@@ -157,7 +157,7 @@ def _blocks(scene: Scene, s: Stretch) -> Floats:
     mesh = np.abs(s.code)
     shrinking = np.log(np.abs(_returned(scene, mesh, struck_speeds(mesh, s.before)))).sum(axis=0)
     columns = np.column_stack([s.flight, np.ones(s.flight.size), shrinking, s.growth])
-    return np.asarray(np.add.reduceat(columns, starts, axis=0))
+    return np.add.reduceat(columns, starts, axis=0)
 
 
 def _exponents(of: str, scene: Scene, blocks: Floats, regime: Regime) -> Exponents:

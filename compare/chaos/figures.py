@@ -18,19 +18,13 @@ from rattle.compare.chaos.measure import CLAIMED, ChaosStudy
 from rattle.compare.chaos.record import STICKS_AT_TIMES, STICKS_FOR_GOOD, STICKS_OFTEN
 from rattle.compare.chaos.section import MAP, NOISY, ORBIT_SECTION, Section
 from rattle.compare.chaos.spectrum import SEQUENCE, VELOCITY_IN_TIME, Spectra, Spectrum
-from rattle.compare.chaos.sweep import WITH_NOISE, WITHOUT_NOISE, Bifurcation
+from rattle.compare.chaos.sweep import Bifurcation
 from rattle.compare.report.style import SYMBOL, axis_label, legend_above, new_figure, new_panels
+from rattle.compare.report.texts import REPORT_TEXTS
 from rattle.scene import Bools, Floats, Gears
 
-SIDE: Any = {
-    ORBIT_SECTION: {"color": "#0072B2", "marker": "o"},
-    MAP: {"color": "#009E73", "marker": "^"},
-    NOISY: {"color": "#D55E00", "marker": "D"},
-    NOISY_PATH: {"color": "#D55E00", "marker": "D"},
-    WITHOUT_NOISE: {"color": "#0072B2"},
-    WITH_NOISE: {"color": "#D55E00"},
-}
-"""Colours of the sides, from Okabe and Ito's palette."""
+SIDE: Any = REPORT_TEXTS["marks"]["sides"]
+"""Colours of the sides."""
 LEAST_DENSITY = 1e-4  # lower end of the colours of a density, relative to its highest
 HIGHEST_FREQUENCY = 6.5  # highest frequency drawn, in units of the excitation frequency
 
@@ -110,7 +104,7 @@ def spectrum_figure(found: Spectra) -> Figure:
         ax.set_title(f"{SYMBOL[name]}: {kind}", loc="left")
         if number % columns == 0:
             ax.set_ylabel(f"power spectral density\n($\\nu_1^2\\omega^2$ per {unit})", fontsize=8)
-    legend_above(figure, axes, 3)
+    legend_above(figure, 3)
     return figure
 
 
@@ -162,17 +156,15 @@ def _mark_values(
         label = ""
 
 
-def sweep_figure(
-    table: pd.DataFrame, field: str = "alpha", claimed: tuple[float, float] | None = None
-) -> Figure:
+def sweep_figure(table: pd.DataFrame, field: str, claimed: tuple[float, float] | None) -> Figure:
     """Draw the largest exponent over a field (Fig. 4 of the paper)."""
-    figure, (ax,) = new_figure(8.0, 4.4, 1, 1)
+    figure, (ax,) = new_figure(8.0, 4.4)
     if claimed:
         label = "chaotic according to the paper: {:g} to {:g}".format(*claimed)
         ax.axvspan(*claimed, color="#F0E442", alpha=0.25, lw=0, label=label)
     _lines(ax, table, field)
     ax.set_xlabel(axis_label(field))
-    legend_above(figure, [ax], 2)
+    legend_above(figure, 2)
     return figure
 
 
@@ -202,9 +194,9 @@ def bifurcation_figure(
         label_velocity(ax, 1, unit, fontsize=8)
     if table is not None:
         _lines(axes[-1], table, b.field)
-        legend_above(figure, axes[-1:], 2)
+        legend_above(figure, 2, axes[-1:])
     elif any(reason for reasons in b.reasons.values() for reason in reasons):
-        legend_above(figure, axes, 1)
+        legend_above(figure, 1)
     for ax in axes:
         ax.set_xlim(x[0], x[-1])
     axes[-1].set_xlabel(axis_label(b.field))
@@ -220,7 +212,7 @@ def _intervals(ax: Axes, table: pd.DataFrame, name: str, **style: Any) -> None:
 
 def finite_size_figure(table: pd.DataFrame, orbit: Exponents, drift: Exponents) -> Figure:
     """Draw the finite-size exponent of the noisy system over the distance of two paths."""
-    figure, (ax,) = new_figure(6.4, 4.4, 1, 1)
+    figure, (ax,) = new_figure(6.4, 4.4)
     label = r"finite-size exponent $\lambda(\delta)$ of the noisy system"
     _intervals(ax, table, "exponent", ls="-", lw=1.0, label=label)
     colour = SIDE[ORBIT_SECTION]["color"]
@@ -230,9 +222,9 @@ def finite_size_figure(table: pd.DataFrame, orbit: Exponents, drift: Exponents) 
     ):
         if (value := exponents.largest[0]) > 0.0:
             ax.axhline(value, color=colour, ls=style, lw=1.3, label=name)
-    ax.set(xscale="log", yscale="log", ylabel=r"growth rate ($\omega$)")
-    ax.set_xlabel(r"distance $\delta$ of two paths on the same noise ($\nu_1$)")
-    legend_above(figure, [ax], 1)
+    distance = r"distance $\delta$ of two paths on the same noise ($\nu_1$)"
+    ax.set(xscale="log", yscale="log", ylabel=r"growth rate ($\omega$)", xlabel=distance)
+    legend_above(figure, 1)
     return figure
 
 
@@ -247,18 +239,18 @@ def sqrt_law_figure(law: SqrtLaw) -> Figure:
     ax.plot("delta", "apart", data=t, label=label, ls="none", ms=5, **SIDE[NOISY])
     ax.plot("delta", "law", data=t, color="k", lw=1.0, label=of_law)
     ax.plot("delta", "delta", data=t, color="0.5", lw=1.0, ls=":", label=of_a_map)
+    before = r"distance before the impact $\delta$ ($\nu_1$)"
     ax.set(
         xscale="log",
         yscale="log",
+        xlabel=before,
         ylabel=r"distance of velocities after the impact ($\nu_1\omega$)",
     )
     ax.set_title(f"exponent {law.exponent:.4f} ± {0.5 * (law.high - law.low):.4f}", loc="left")
     _intervals(ratio, t, "ratio", ls="none")
     ratio.axhline(1.0, color="k", lw=1.0)
-    ratio.set(xscale="log", ylabel="mean square / that of the square-root law")
-    for a in (ax, ratio):
-        a.set_xlabel(r"distance before the impact $\delta$ ($\nu_1$)")
-    legend_above(figure, [ax], 3)
+    ratio.set(xscale="log", xlabel=before, ylabel="mean square / that of the square-root law")
+    legend_above(figure, 3, [ax])
     return figure
 
 

@@ -9,14 +9,10 @@ from rattle.compare.chaos.figures import draw
 from rattle.compare.chaos.measure import ChaosStudy
 from rattle.compare.chaos.record import STICKS_AT_TIMES, STICKS_FOR_GOOD, STICKS_OFTEN
 from rattle.compare.chaos.spectrum import spectra_tables
-from rattle.compare.judge.verdict import join_words
 from rattle.compare.report.json_text import Facts
 from rattle.compare.report.render import render_sentences
 from rattle.compare.report.report import Report
 from rattle.compare.report.texts import (
-    CHAOS_TERMS,
-    CLOSURE_TERMS,
-    SECTION_TERMS,
     glossary,
     name_wheels,
     read_texts,
@@ -27,7 +23,6 @@ CHAOS_CAPTIONS: dict[str, str] = read_texts("chaos")["figures"]
 """Captions of the figures, by name."""
 CHAOS_PARQUET = ("sections", "spectra", "bifurcation")
 """Tables that are written as Parquet."""
-CHAOS_WORDS = (*CLOSURE_TERMS, *SECTION_TERMS, *CHAOS_TERMS, "Δτ", "σ", "α", "ε", "realizable")
 
 
 def chaos_tables(study: ChaosStudy) -> dict[str, pd.DataFrame]:
@@ -78,7 +73,7 @@ def make_report(found: ChaosStudy, record: Facts) -> Report:
             **tables,
             "exponents": known[known["value"].notna() | (known["exponent"] == 1)],
         },
-        glossary(*CHAOS_WORDS, gears=found.scene.gears),
+        glossary("chaos", gears=found.scene.gears),
         figures=draw(found),
         tables={name: table for name, table in tables.items() if name not in CHAOS_PARQUET},
         large={name: table for name, table in tables.items() if name in CHAOS_PARQUET},
@@ -125,7 +120,6 @@ def answer(study: ChaosStudy, tables: dict[str, pd.DataFrame]) -> list[str]:
         spectra=_records(tables.get("spectra_summary")),
         sweeps=[_count(study, *mover) for mover in movers.items() if study.sweep is not None],
         missing=names_by_reason,
-        join_words=join_words,
     )
     missing = explain_missing(study.scene, list(study.maps["closure"]))
     return sentences + missing + name_wheels(study.scene)

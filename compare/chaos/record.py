@@ -21,7 +21,7 @@ from rattle.scene.impact import MISSES, NONE
 from rattle.scene.long_orbit import LongOrbit
 from rattle.scene.orbit import follow
 from rattle.scene.tangent import Stretch
-from rattle.scene.text import line, percent
+from rattle.scene.text import line
 
 T = TypeVar("T")
 R = TypeVar("R")
@@ -106,9 +106,7 @@ class Regime:
     def reason(self) -> str:
         """The kind of motion as a clause with numbers."""
         noisy = self.sticking_steps > 0 and self.kind in (STICKS_AT_TIMES, STICKS_OFTEN)
-        text = render_text(
-            "chaos/motion.j2", r=self, noisy=noisy, percent=percent, silent=MISSES[NONE]
-        )
+        text = render_text("chaos/motion.j2", r=self, noisy=noisy, silent=MISSES[NONE])
         return line(text)
 
     @property

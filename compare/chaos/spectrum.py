@@ -64,7 +64,7 @@ class Spectrum:
         The continuous part is assumed to be smooth over 65 bins; narrower features count as bands.
         """
         around = ndimage.median_filter(self.power, size=2 * FLOOR_BINS + 1, mode="reflect")
-        return np.asarray(around * (self.dof / chdtri(self.dof, 0.5)))
+        return around * (self.dof / chdtri(self.dof, 0.5))
 
     @property
     def threshold(self) -> float:
@@ -156,9 +156,8 @@ def welch(pieces: Sequence[Floats], segment: int, rate: float) -> Spectrum:
     beside = float((window[segment // 2 :] * window[: segment // 2]).sum() / (window**2).sum()) ** 2
     for piece in whole:
         k = piece.size // (segment // 2) - 1
-        frequency, power = signal.welch(
-            piece, fs=rate, window="hann", nperseg=segment, noverlap=segment // 2
-        )
+        # Hann windows that overlap by half are what it takes by itself
+        frequency, power = signal.welch(piece, fs=rate, nperseg=segment)
         total += k * power
         segments += k
         dof += 2.0 * k / (1.0 + 2.0 * (1.0 - 1.0 / k) * beside)
@@ -225,10 +224,13 @@ def spectra_tables(
     segments``.
     """
     names = ["side", "kind", "velocity"]
-    keys = [dict(zip(names, key, strict=True)) for key in power]
     density: pd.DataFrame = pd.concat({key: s.table for key, s in power.items()}, names=names)
-    lines = [s.lines.assign(**key) for key, s in zip(keys, power.values(), strict=True)]
-    summary = [key | s.summary for key, s in zip(keys, power.values(), strict=True)]
+    lines = []
+    summary = []
+    for key, s in power.items():
+        which = dict(zip(names, key, strict=True))
+        lines.append(s.lines.assign(**which))
+        summary.append(which | s.summary)
     return (
         density.reset_index(names).reset_index(drop=True),
         pd.concat(lines, ignore_index=True),

@@ -6,10 +6,10 @@ A bifurcation diagram has the velocity before the impacts alone, as counts or as
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -68,7 +68,7 @@ def vary(
 class AtValue(Cell):
     """What is measured at one value of the field."""
 
-    packages: ClassVar[tuple[str, ...]] = ("closure", "montecarlo", "compare/chaos")
+    packages = ("closure", "montecarlo", "compare/chaos")
 
     scene: Scene
     value: float
@@ -77,9 +77,7 @@ class AtValue(Cell):
     @property
     def settings(self) -> Facts:
         """Everything that determines the result besides the scene."""
-        return {"kind": self.group} | {
-            f.name: getattr(self, f.name) for f in fields(self) if f.name not in ("scene", "value")
-        }
+        return {"kind": self.group} | self.list_fields("value")
 
     @property
     def label(self) -> str:
@@ -91,7 +89,7 @@ class AtValue(Cell):
 class ExponentsAt(AtValue):
     """The largest exponents: a row for each linearised system."""
 
-    group: ClassVar[str] = "exponents"
+    group = "exponents"
 
     width: float
     longest: int  # impacts of a record
@@ -123,7 +121,7 @@ class ExponentsAt(AtValue):
 class VelocitiesAt(AtValue):
     """Velocities y1 before the impacts of the orbit and of a noisy path, at all meshes."""
 
-    group: ClassVar[str] = "velocities"
+    group = "velocities"
 
     points: int
 
@@ -229,7 +227,7 @@ class FieldSweep:
 
 
 def stationary_bifurcation(
-    scenes: Mapping[float, Scene], field: str = "alpha", *, seed: int = 0, workers: int = 1
+    scenes: Mapping[float, Scene], field: str, *, seed: int, workers: int
 ) -> Bifurcation:
     """Compute the density of the velocity y1 before the impacts at mesh 1, of the orbit and of the
     noisy long run."""

@@ -3,9 +3,9 @@ warm-up``."""
 
 import sys
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -24,19 +24,17 @@ EXTREMES_HELP = "Try extreme values too (rattle check extremes), and put their t
 
 def run_and_show(
     subjects: Mapping[str, "Subject"],
-    names: Sequence[str] = (),
     *,
     all_checks: bool,
     as_json: bool,
-    seed: int = 0,
-    workers: int = 2,
+    **asked: Any,
 ) -> None:
     """Run checks, print them as a table or as JSON, and exit with code 1 unless all hold."""
     from rattle.compare.checks.check import result_lines, results_record, run_checks
 
-    results = run_checks(subjects, names, seed=seed, workers=workers)
+    results = run_checks(subjects, **asked)
     if as_json:
-        say_json(results_record(results, seed))
+        say_json(results_record(results, asked.get("seed", 0)))
     else:
         say_lines(result_lines(results, all_checks=all_checks))
     if not all(result.holds for result in results):
@@ -55,9 +53,7 @@ def check() -> None:
 )
 @shared.SEED_AND_WORKERS
 @shared.json_flag("the record")
-def results(
-    names: tuple[str, ...], all_checks: bool, seed: int, workers: int, as_json: bool
-) -> None:
+def results(**asked: Any) -> None:
     """Compare this installation with published results.
 
     They are exits, returns, collapse, bounces, exponents and covariances, and a ball and an
@@ -67,15 +63,15 @@ def results(
     """
     from rattle.compare.checks.published import RESULTS
 
-    run_and_show(RESULTS, names, all_checks=all_checks, as_json=as_json, seed=seed, workers=workers)
+    run_and_show(RESULTS, **asked)
 
 
 @check.command("extremes")
 @click.option(
-    "--all", "ranges", is_flag=True, help="Print the range and the reference of every row."
+    "--all", "all_checks", is_flag=True, help="Print the range and the reference of every row."
 )
 @shared.json_flag("the record")
-def extreme_values(ranges: bool, as_json: bool) -> None:
+def extreme_values(**asked: bool) -> None:
     """Compare extreme values with independent references.
 
     Prints the worst errors. References are limits, published results, and exact scaling.
@@ -84,7 +80,7 @@ def extreme_values(ranges: bool, as_json: bool) -> None:
     """
     from rattle.compare.checks.extremes import EXTREMES
 
-    run_and_show(EXTREMES, all_checks=ranges, as_json=as_json)
+    run_and_show(EXTREMES, **asked)
 
 
 @check.command()
@@ -119,7 +115,9 @@ def stability(
     chosen = list(dict.fromkeys(schemes or shared.SCHEME_NAMES))
     along = list(dict.fromkeys(axes or shared.AXIS_NAMES))
     count("points", counts["points"], most=7)
-    shared.check_counts(counts, paths=1000, seed=0, workers=1)
+    count("paths", counts["paths"], least=1000)
+    count("seed", counts["seed"], least=0)
+    count("workers", counts["workers"])
     counts = shared.pick(counts, "points", "paths", "seed", "workers")
     results = Results("", out, "stability", "checks.stability.page", overwrite)
     found = chart(chosen, along, **counts, folder=results.cells)
@@ -237,16 +235,15 @@ def claims(
     levels = sigmas or (0.01, 0.1)
     for sigma in levels:
         positive("sigma", sigma)
-    shared.check_counts(counts, paths=1000, points=100, impacts=20_000, workers=1)
     counts = shared.pick(counts, "impacts", "paths", "points", "seed", "workers")
-    paths = counts["paths"]
+    paths = count("paths", counts["paths"], least=1000)
+    effort = Effort(**shared.pick(counts, "points", "impacts", "seed", "workers")).check()
     results = Results("DAT21", out, "claims", "checks.claims.page", overwrite)
     minutes = (BASE + PER_VALUE * len(at) + PER_PATH * paths * (len(levels) + 1)) / 60.0
     say(f"About {minutes:.1g} minutes of processor time, and what has to be compiled.", err=True)
-    effort = Effort(**shared.pick(counts, "points", "impacts", "seed", "workers"))
     evidence = gather(scene, levels, at, paths, effort, say_part, results.cells)
     judged = judge(evidence)
-    asked = {"sigmas": list(levels), "over": list(at), **counts}
+    asked = {"sigmas": levels, "over": at, **counts}
     answer = results.write(judged, evidence.chaos, scene=evidence.scene.to_dict(), **asked)
     verdicts = [f"{k:2d}. {claim.name}: {claim.verdict}" for k, claim in enumerate(judged, start=1)]
     results.say([*answer, *verdicts])

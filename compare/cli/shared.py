@@ -16,7 +16,7 @@ from rattle.compare.cli.ranges import RangeType
 from rattle.compare.report.folder import check_free, default_place, name_of, report_files
 from rattle.compare.report.interrupt import stored
 from rattle.compare.report.json_text import Facts, json_text
-from rattle.scene import DAT21, Scene, choice, compile_ahead, count, harmless
+from rattle.scene import DAT21, Scene, choice, compile_ahead, harmless
 from rattle.scene.progress import ESTIMATES, apart_from_bars, do, print_on_stderr
 
 if TYPE_CHECKING:
@@ -377,12 +377,6 @@ def estimates_shown() -> Iterator[None]:
 def pick(settings: Mapping[str, Any], *names: str) -> Facts:
     """Some of the settings."""
     return {name: settings[name] for name in names}
-
-
-def check_counts(settings: Mapping[str, Any], **least: int) -> None:
-    """Check that settings are whole numbers that are not too small."""
-    for name, number in least.items():
-        count(name, settings[name], least=number)
 
 
 def load_scene(path: Path | None, sigma: float | None, otherwise: float = PAPER_SIGMA) -> Scene:

@@ -73,11 +73,9 @@ def show(report: Path, section: str | None, width: int | None) -> None:
 def animate(
     scene: Path | None,
     sigma: float | None,
-    periods: int | None,
-    impacts: int | None,
-    seed: int,
     out: Path | None,
     overwrite: bool,
+    **asked: Any,
 ) -> None:
     """Draw the moving wheels or bodies of a scene in one HTML file.
 
@@ -91,11 +89,11 @@ def animate(
     from rattle.compare.report.provenance import command_line
 
     base = load_scene(scene, sigma, 0.1)
-    check_recording(base, periods, impacts, seed)
+    check_recording(base, **asked)
     name = shared.name_scene(scene)
     out = out or Path(f"{default_place(name, '-animation')}.html")
     check_file(out, overwrite)
-    shown = record(base, periods=periods, impacts=impacts, seed=seed)
+    shown = record(base, **asked)
     write_animation(out, shown, name, command_line(sys.argv[1:]), overwrite)
     say(f"Animation: {out} ({out.stat().st_size / 1e3:.0f} kB): {shown.sentence}")
 

@@ -293,14 +293,14 @@ def stationary(
     settings = shared.pick(settings, *names)
     if settings["budget"] is None and settings["periods"] is None:
         settings["budget"] = STATIONARY_BUDGET
-    settings["quantities"] = list(quantities or ASKED)
-    settings["closures"] = [] if no_closures else list(closures or default_closures(base))
+    settings["quantities"] = quantities or ASKED
+    settings["closures"] = () if no_closures else closures or default_closures(base)
     if at:
         do(f"stationary: bifurcation diagram at {len(at)} values of {field}")
     view = stationary_bifurcation(scenes, field, seed=seed, workers=workers) if at else None
     with shared.estimates_shown():
         found = rt.stationary(base, **settings, rng=seed, workers=workers, progress="stationary")
-    settings |= {"seed": seed, "field": field, "over": list(at)}
+    settings |= {"seed": seed, "field": field, "over": at}
     answer = results.write(found, view, **settings)
     results.say(answer, lambda: found.to_dict(units or "dimensionless"))
     if found.run and not found.run.reached:
@@ -348,7 +348,7 @@ def run_up(
             workers=workers,
             progress="run-up",
         )
-    results.conclude(found, **settings, seed=seed, rpm=list(speeds), down=down)
+    results.conclude(found, **settings, seed=seed, rpm=speeds, down=down)
 
 
 @click.command()
@@ -360,12 +360,7 @@ def run_up(
     help="Keep the noise along a sweep of alpha too; else it is the paper's there, sqrt(alpha).",
 )
 @click.option("--no-sweep", is_flag=True, help="Leave sweep and bifurcation view out.")
-@click.option(
-    "--width",
-    type=float,
-    default=0.01,
-    help="Widest interval of a largest exponent.",
-)
+@shared.real("width", "Widest interval of a largest exponent.", 0.01)
 @shared.whole("points", 1_000_000, "Points of each Poincare section.")
 @shared.whole("impacts", 200_000, "Impacts of the spectra.")
 @shared.whole("events", 4000, "Pairs of paths behind each figure.")
@@ -392,12 +387,10 @@ def chaos(
     at = () if no_sweep else over.values(base, SWEEP_POINTS)
     noise = paper_noise if field == "alpha" and not keep_sigma else None
     scenes = vary(base, field, at, noise) if noise else vary(base, field, at)
-    positive("width", settings["width"])
     positive("budget", settings["budget"])
-    shared.check_counts(settings, points=100, impacts=20_000, events=128, workers=1)
+    effort = Effort(**settings).check()
     results = begin()
-    effort = Effort(**shared.pick(settings, *Effort._fields))
     found = study(base, scenes, field, effort, say_part, results.cells)
     said = "the scene's" if noise is None else "sqrt(alpha)"
-    swept = {"field": field, "over": list(at), "noise": said}
+    swept = {"field": field, "over": at, "noise": said}
     results.say(results.write(found, **settings, **swept))

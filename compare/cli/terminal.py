@@ -114,7 +114,7 @@ def _read_table(block: SyntaxTreeNode) -> Table:
     """The table of a page; a cell that ends in the sign of a mark has that mark."""
     head, *rows = (row for part in block.children for row in part.children)
     columns = [
-        Column(_text(cell), NUMBER if "right" in str(cell.attrs) else TEXT)
+        Column(_text(cell), kind=NUMBER if "right" in str(cell.attrs) else TEXT)
         for cell in head.children
     ]
     return Table.of(columns, ([_read_cell(_text(cell)) for cell in row.children] for row in rows))

@@ -2,7 +2,7 @@
 
 import math
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -105,6 +105,7 @@ def validate(
     """
     # the scientific stack is imported here, so that --help and wrong options need not wait for it
     from rattle.compare.report import manifest
+    from rattle.compare.validation.answer import SECTION_EXPLAINED
     from rattle.compare.validation.report_run import HAVE_BIAS, ReportRun, settle
 
     positive("budget", budget)
@@ -144,17 +145,12 @@ def validate(
     if as_json:
         _say_as_json(run, record, repeated)
     else:
+        # one that was told may have explained a word at its first use
+        known = {text.replace(SECTION_EXPLAINED, "") for text in told}
+        new = [text for text in run.sentences if text.replace(SECTION_EXPLAINED, "") not in known]
         comparison = repeated.sentences if repeated else []
-        say_lines((*_leave_out(run.sentences, told), f"Report: {run.page}", *comparison))
+        say_lines((*new, f"Report: {run.page}", *comparison))
     _exit(run, repeated, bool(require))
-
-
-def _leave_out(sentences: Sequence[str], told: Sequence[str]) -> list[str]:
-    """The sentences that were not told yet; one may have explained a word at its first use."""
-    from rattle.compare.validation.answer import SECTION_EXPLAINED
-
-    known = {sentence.replace(SECTION_EXPLAINED, "") for sentence in told}
-    return [text for text in sentences if text.replace(SECTION_EXPLAINED, "") not in known]
 
 
 def _say_as_json(run: "ReportRun", record: Mapping[str, Any], repeated: "Repeat | None") -> None:
@@ -218,11 +214,12 @@ def tradeoff(
 
     Exit codes: 0 complete; 2 bad input.
     """
-    from rattle.compare.tradeoff.measure import ACCURACIES, check_accuracies, measure
+    from rattle.compare.tradeoff.measure import ACCURACIES, measure
     from rattle.montecarlo import SCHEMES, check_settings
 
     positive("sigma", base.sigma)
-    asked = check_accuracies(accuracies or ACCURACIES)
+    wanted = {positive("accuracy", accuracy) for accuracy in accuracies or ACCURACIES}
+    asked = sorted(wanted, reverse=True)
     positive("budget", settings["budget"])
     check = partial(check_settings, base, paths=1, dt=None, rng=settings["seed"], step_bias=False)
     for scheme in SCHEMES:

@@ -11,7 +11,7 @@ from abc import ABC, abstractmethod
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import replace
+from dataclasses import fields, replace
 from functools import cache, cached_property
 from importlib import import_module
 from pathlib import Path
@@ -97,6 +97,11 @@ class Cell(ABC):
     @abstractmethod
     def settings(self) -> Facts:
         """Everything that determines the result besides the scene, with an entry ``kind``."""
+
+    def list_fields(self, *left_out: str) -> Facts:
+        """The fields of a dataclass by name, but the scene and some others."""
+        names = [field.name for field in fields(self)]  # type: ignore[arg-type]
+        return {name: getattr(self, name) for name in names if name not in ("scene", *left_out)}
 
     @property
     def core_seconds(self) -> float:

@@ -71,7 +71,7 @@ def draw_errors(found: Any) -> Figure:
         ax.set(xlim=(0.5, len(labels) + 0.5), xlabel=found.label, ylabel=unit)
         shown = range(0, len(labels), max(len(labels) // 6, 1))
         ax.set_xticks([at + 1 for at in shown], [_short(labels[at]) for at in shown])
-    legend_above(figure, axes, 5)
+    legend_above(figure, 5)
     return figure
 
 

@@ -10,7 +10,7 @@ from rattle.compare.report.json_text import Facts
 from rattle.compare.report.provenance import provenance
 from rattle.compare.report.report import Report
 from rattle.compare.report.save import save
-from rattle.compare.report.texts import VERDICT_TERMS, glossary
+from rattle.compare.report.texts import glossary
 
 MOST_ROWS = 200
 """Rows that the page shows; the table files hold all of them."""
@@ -31,7 +31,7 @@ def make_report(found: Any, record: Facts) -> Report:
     ).loc[order.sort_values(kind="stable").index]
     facts = {
         "label": found.label,
-        "closures": list(found.closures),
+        "closures": found.closures,
         "level": found.level,
         "tolerances": list(found.tolerances),
         "units": found.units,
@@ -47,7 +47,7 @@ def make_report(found: Any, record: Facts) -> Report:
             "left_out": max(len(shown) - MOST_ROWS, 0),
             "counts": found.counts.reset_index(names="closure"),
         },
-        glossary(*VERDICT_TERMS[:3], "closure", "E, sd"),
+        glossary("judge"),
         figures={"judge": found.plot()},
         tables={"table": table},
         template="judge/page.j2",

@@ -8,12 +8,11 @@ from typing import TYPE_CHECKING
 import pandas as pd
 
 from rattle.compare.judge.reference import UNSEEN_PATHS
-from rattle.compare.judge.verdict import JUDGED, Verdict, name_all, unbroken
+from rattle.compare.judge.verdict import JUDGED, Verdict, unbroken
 from rattle.compare.report.json_text import Facts
 from rattle.compare.report.render import render_sentences
 from rattle.scene import as_html
 from rattle.scene.numpy_errors import numpy_defaults
-from rattle.scene.text import percent
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -42,12 +41,8 @@ class Verdicts:
     @property
     def counts(self) -> pd.DataFrame:
         """Number of predicted and judged moments of all paths with each verdict, by closure."""
-        verdicts = (
-            self.of_all_paths.groupby("closure", sort=False)["verdict"]
-            .value_counts()
-            .unstack(fill_value=0)
-        )
-        return verdicts.reindex(index=self.closure_names, columns=list(JUDGED), fill_value=0)
+        verdicts = pd.crosstab(self.of_all_paths["closure"], self.of_all_paths["verdict"])
+        return verdicts.reindex(index=self.closure_names, columns=JUDGED, fill_value=0)
 
     def list_counts(self) -> list[str]:
         """The counts in words, a line for each closure."""
@@ -146,8 +141,6 @@ class Judgement(Verdicts):
             "judge/answer.j2",
             found=self,
             paths=paths,
-            percent=percent,
-            names=name_all,
             most_paths=MOST_PATHS_TOLD,
             closures={name: self._summarise(name) for name in self.closures},
             bias=(bias / first["unit"]).max(),

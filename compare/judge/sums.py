@@ -74,7 +74,7 @@ class SampleSums:
     def moment(self, p: int, q: int) -> Floats:
         """Central moment ``E[(a - E a)^p (b - E b)^q]``, without bias correction."""
         with np.errstate(invalid="ignore", divide="ignore"):
-            return np.asarray(self.sums[p, q] / self.n)
+            return self.sums[p, q] / self.n
 
 
 def _centre(values: Floats, seen: Any, n: Floats) -> tuple[Floats, Floats]:

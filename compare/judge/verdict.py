@@ -16,6 +16,7 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 import pandas as pd
 
+from rattle.compare.report.texts import join_words
 from rattle.montecarlo.statistics.intervals import TOO_FEW
 
 
@@ -198,25 +199,3 @@ def in_words(
     if again:
         phrases.append(f"and accurate at {join_words(again)} (not one interval)")
     return ", ".join(phrases)
-
-
-def join_words(items: Sequence[str]) -> str:
-    """Join items as in a sentence: commas, and ``and`` before the last."""
-    return items[0] if len(items) == 1 else ", ".join(items[:-1]) + " and " + items[-1]
-
-
-def name_all(names: Iterable[str]) -> str:
-    """Some names in code, joined as in a sentence."""
-    return join_words([f"`{name}`" for name in names])
-
-
-def span(values: Iterable[float], form: str) -> str:
-    """The range of some values in words; one value where they are the same as printed.
-
-    >>> span([17.257, 17.262], ".4g"), span([0.05, 0.1], ".0%")
-    ('17.26', '5% to 10%')
-    """
-    found = list(values)
-    low = format(min(found), form)
-    high = format(max(found), form)
-    return low if low == high else f"{low} to {high}"

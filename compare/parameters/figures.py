@@ -11,21 +11,17 @@ from rattle.compare.judge.verdict import DECIDED, Verdict
 from rattle.compare.parameters.finding import AlongParameter, quantity_words
 from rattle.compare.report.style import (
     axis_label,
+    cell_edges,
     error_bars,
     legend_above,
     new_figure,
     new_panels,
     plain_numbers,
 )
+from rattle.compare.report.texts import REPORT_TEXTS
 from rattle.compare.study.parameters import PERCENT
 
-COLOURS = {
-    Verdict.ACCURATE: "#009E73",
-    Verdict.INACCURATE: "#D55E00",
-    Verdict.UNDECIDED: "#999999",
-    "below": "#009E73",
-    "above": "#D55E00",
-}
+COLOURS: dict[str, str] = REPORT_TEXTS["marks"]["searches"]
 LESS = "#0072B2"
 MORE = "#D55E00"
 BENT_COLOUR = "#999999"
@@ -39,8 +35,7 @@ def boundary_figure(found: AlongParameter) -> Figure:
     least = 0.5 * min([0.1, *table["error"]])
     table["low"] = table["low"].clip(lower=least)
     figure, ax = _draw_search(found, table, "error", "where it stops holding", "tolerance", 1.0)
-    ax.set(yscale="log", ylabel="worst error / tolerance")
-    ax.set_ylim(bottom=least)
+    ax.set(yscale="log", ylabel="worst error / tolerance", ylim=(least, None))
     return figure
 
 
@@ -48,8 +43,8 @@ def crossing_figure(found: AlongParameter, level: float, up: str) -> Figure:
     """Draw a quantity with its interval at every value, and the level."""
     table = found.points.dropna(subset="estimate")
     figure, ax = _draw_search(found, table, "estimate", "where it crosses", "level", level)
-    ax.set_ylabel(up)
-    ax.set_ylim(bottom=0.0 if (table["estimate"] >= 0.0).all() else None)
+    least = 0.0 if (table["estimate"] >= 0.0).all() else None
+    ax.set(ylabel=up, ylim=(least, None))
     return figure
 
 
@@ -63,7 +58,7 @@ def _draw_search(
 ) -> tuple[Figure, Axes]:
     """Draw what was found at every value with its interval, where the verdict changes, and the
     level that decides it."""
-    figure, (ax,) = new_figure(7.4, 3.8, 1, 1)
+    figure, (ax,) = new_figure(7.4, 3.8)
     for verdict, rows in table.groupby("verdict"):
         name = str(verdict)
         place = (rows["value"], rows[column], error_bars(rows, column))
@@ -73,17 +68,16 @@ def _draw_search(
     ax.axhline(level, color="0.2", lw=0.8, ls="--", label=lined)
     ax.set(xscale="log", xlabel=axis_label(found.over))
     plain_numbers(ax.xaxis, found.points["value"])
-    legend_above(figure, [ax], 5)
+    legend_above(figure, 5)
     return figure, ax
 
 
 def map_figure(curve: pd.DataFrame, points: pd.DataFrame, along: str, over: str) -> Figure:
     """Draw a bar at each value of the second parameter: accurate, wrong, or in between; markers at
     the edges."""
-    figure, (ax,) = new_figure(7.4, 4.2, 1, 1)
+    figure, (ax,) = new_figure(7.4, 4.2)
     places = np.unique(curve["along"])
-    middle = np.sqrt(places[1:] * places[:-1])
-    ends = np.r_[places[0] ** 2 / middle[0], middle, places[-1] ** 2 / middle[-1]]
+    ends = cell_edges(places)
     points = points.sort_values(["along", "value"])
     higher = points.groupby("along")[["value", "verdict"]].shift(-1)
     same = points["verdict"].where(points["verdict"] == higher["verdict"], Verdict.UNDECIDED)
@@ -117,7 +111,7 @@ def map_figure(curve: pd.DataFrame, points: pd.DataFrame, along: str, over: str)
     ax.set_xticks([], minor=True)
     ax.set_xticks(places, [f"{place:.3g}" for place in places])
     ax.set(xlim=(ends[0], ends[-1]), ylim=(points["value"].min(), points["value"].max()))
-    legend_above(figure, [ax], 3)
+    legend_above(figure, 3)
     return figure
 
 

@@ -444,7 +444,6 @@ class _Search:
             change=PERCENT,
             reached=reached,
             accuracy=accuracy,
-            duration_text=duration_text,
         )
         return line(text)
 

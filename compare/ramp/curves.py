@@ -57,7 +57,7 @@ class RampSums(NamedTuple):
         else:
             basis = np.array([np.interp(self.rpm, self.knots, one) for one in ones]).T
         scale = self.rpm[:, None] / self.knots
-        return np.asarray(self.weights @ (basis * scale**power))
+        return self.weights @ (basis * scale**power)
 
     def differences(self, kind: int, group: int, steady: Floats) -> list[Spread]:
         """What the same gear sets do more in the ramp than at constant speeds, under each hat: in

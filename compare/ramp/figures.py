@@ -23,7 +23,7 @@ def run_up_figure(table: pd.DataFrame, thresholds: pd.DataFrame, speeds: pd.Seri
     constant: Any = {"color": STYLE["monte carlo"]["color"], "fmt": "o-", "ms": 4, "capsize": 2}
     crossings = thresholds.dropna(subset="rpm")
     for ax, name in zip(axes, LABELS, strict=True):
-        rows = table[table["quantity"] == name].sort_values("rpm")
+        rows: Any = table[table["quantity"] == name].sort_values("rpm")
         steady = rows.set_index("rpm").reindex(speeds)
         ax.errorbar(
             speeds,
@@ -34,11 +34,12 @@ def run_up_figure(table: pd.DataFrame, thresholds: pd.DataFrame, speeds: pd.Seri
             **constant,
         )
         if "ramp" in rows:
-            ax.plot(rows["ramp_rpm"], rows["ramp"], color=RAMP_COLOUR, lw=1.2, label="ramp")
+            ax.plot("ramp_rpm", "ramp", data=rows, color=RAMP_COLOUR, lw=1.2, label="ramp")
             ax.fill_between(
-                rows["ramp_rpm"],
-                rows["ramp_low"],
-                rows["ramp_high"],
+                "ramp_rpm",
+                "ramp_low",
+                "ramp_high",
+                data=rows,
                 color=RAMP_COLOUR,
                 alpha=0.25,
                 lw=0.0,
@@ -48,9 +49,8 @@ def run_up_figure(table: pd.DataFrame, thresholds: pd.DataFrame, speeds: pd.Seri
             for rpm in crossings.loc[crossings["motion"] == motion, "rpm"]:
                 label = f"threshold of rattle, {motion}"
                 ax.axvline(rpm, color=ACCURATE_COLOUR, ls=style, lw=1.2, label=label)
-        ax.set_ylabel(LABELS[name])
-        ax.set_ylim(bottom=0.0)
-        ax.set_xlim(0.97 * speeds.min(), 1.03 * speeds.max())
+        ends = (0.97 * speeds.min(), 1.03 * speeds.max())
+        ax.set(ylabel=LABELS[name], ylim=(0.0, None), xlim=ends)
     axes[-1].set_xlabel("mean speed of the driver (1/min)")
-    legend_above(figure, axes, 3)
+    legend_above(figure, 3)
     return figure

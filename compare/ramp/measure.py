@@ -40,7 +40,7 @@ COARSER = 2  # periods of the stretches of the coarser copy, which shows the err
 CLOCK_SPARE = (0.1, 1.0)
 """Share of the budget, and seconds, by which the clock may exceed what the counted plan expects."""
 LEAST_RAMP_BUDGET = 1.0  # core-seconds that a constant speed may take once it is begun
-STEADY_COLUMNS = ("value", "se", "low", "high", "effective_paths")
+STEADY_COLUMNS = ["value", "se", "low", "high", "effective_paths"]
 AGAINST = "ramp against constant speeds"
 HALVED = "stretches of one period against two"
 # key of the random numbers that ramp and constant speeds share where gear sets differ
@@ -274,8 +274,8 @@ def _tabulate(known: Known, sums: RampSums | None, scene: Scene) -> pd.DataFrame
     parts = []
     for (group, suffix), kind in product(groups(scene.stages), QUANTITIES):
         name = kind + suffix
-        rows = [table.reindex([name])[list(STEADY_COLUMNS)] for table in steady.values()]
-        whole = pd.DataFrame(np.nan, index=[name], columns=list(STEADY_COLUMNS))
+        rows = [table.reindex([name])[STEADY_COLUMNS] for table in steady.values()]
+        whole = pd.DataFrame(np.nan, index=[name], columns=STEADY_COLUMNS)
         part = pd.concat([*rows, whole], ignore_index=True)
         part.insert(0, "rpm", [*steady, np.nan])
         part.insert(1, "quantity", name)

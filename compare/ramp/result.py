@@ -1,7 +1,6 @@
 """The result of a run-up, and what it says in sentences."""
 
 from dataclasses import dataclass
-from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import pandas as pd
@@ -9,11 +8,9 @@ import pandas as pd
 from rattle.compare.report.finding import Finding
 from rattle.compare.report.json_text import Facts
 from rattle.compare.report.render import render_sentences
-from rattle.compare.report.texts import wheel_label
 from rattle.compare.stationary.result import speed_text
 from rattle.scene import Scene
 from rattle.scene.numpy_errors import numpy_defaults
-from rattle.scene.text import number_text, percent
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -101,7 +98,6 @@ class RunUp(Finding):
             most=most,
             at_most=at_most.to_dict("index"),
             loudest=loudest,
-            label=partial(wheel_label, self.scene),
             least=speed_text(self.slow, self.scene.gears, "physical"),
             begins=seen["rpm"].min() if len(seen) else None,
             speeds=self.points["remark"].eq("").sum(),
@@ -111,8 +107,6 @@ class RunUp(Finding):
             else [],
             overall=self.overall.to_dict("records"),
             missing=self.points[self.points["remark"] != ""].groupby("remark")["rpm"].apply(list),
-            number=number_text,
-            percent=percent,
         )
 
     def plot(self) -> "Figure":

@@ -64,11 +64,11 @@ class SpeedRamp:
         """The speed after so many periods: its square changes linearly with the phase."""
         first, _, rate = self.rates
         omega = np.sqrt(first**2 + 2.0 * rate * TURN * periods)
-        return np.asarray(omega * (self.first / first))
+        return omega * (self.first / first)
 
     def omega_at(self, rpm: Floats) -> Floats:
         """The excitation frequency at a speed, rad/s."""
-        return np.asarray(self.gears.omega / self.file_rpm * rpm)
+        return self.gears.omega / self.file_rpm * rpm
 
     def scene_at(self, rpm: float) -> Scene:
         """The scene at a constant speed: all else as typed, the order of the excitation too."""

@@ -198,16 +198,6 @@ class Repeat(NamedTuple):
             rounded=ROUNDED,
             sampled=SAMPLED_ROUNDING,
             predicted=PREDICTED_ROUNDING,
-            differ=[
-                f"{name} {there}, here {here}"
-                for name, (there, here) in self.changed.items()
-                if there is not None
-            ],
-            missing=[
-                f"{name} (here {here})"
-                for name, (there, here) in self.changed.items()
-                if there is None
-            ],
         )
 
     def to_dict(self) -> Facts:

@@ -21,8 +21,10 @@ from markupsafe import Markup, escape
 
 from rattle.compare.report.folder import page_files
 from rattle.compare.report.report import Report
-from rattle.compare.report.table import Table, of_numbers, of_text
-from rattle.scene import harmless, line
+from rattle.compare.report.table import Column, Table, of_numbers
+from rattle.compare.report.texts import join_words, name_all, span, wheel_label
+from rattle.scene import duration_text, harmless, line
+from rattle.scene.text import number_text, percent
 from rattle.scene.words import PAIR, Words
 
 Mark: TypeAlias = Callable[[str, bool], Markup]
@@ -184,6 +186,8 @@ class Contents:
         return bool(content)
 
 
+WORDS = (percent, number_text, duration_text, join_words, name_all, span, wheel_label)
+"""Functions that every template of plain text may call, by their names."""
 LOADER = PackageLoader("rattle.compare", ".")
 """Finds templates by their path within `rattle.compare`."""
 
@@ -206,6 +210,7 @@ def _text_environment() -> Environment:
     environment = make_environment(str)
     environment.autoescape = False
     environment.filters |= {"form": format, "line": line}
+    environment.globals |= {function.__name__: function for function in WORDS}
     environment.tests["finite"] = math.isfinite
     return environment
 
@@ -330,7 +335,7 @@ def _render(
     )
     environment.filters |= {**filters, "columns": Table.of_frame, "table_of": Table.whole}
     environment.tests["drawn"] = lambda path: (folder / path).is_file()
-    shared = {"words": report.words, "contents": Contents(), "number": of_numbers, "text": of_text}
+    shared = {"words": report.words, "contents": Contents(), "number": of_numbers, "text": Column}
     environment.globals |= {**shared, **values}
     macros = environment.get_template(f"report/templates/macros.{kind}.j2").module
     environment.globals |= {name: of for name, of in vars(macros).items() if name[0] != "_"}

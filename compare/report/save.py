@@ -56,6 +56,6 @@ def write_files(folder: Path, report: Report, digests: Sequence[str] = ()) -> Fa
         (folder / f"{label}.csv").write_text(text, encoding="utf-8")
     write_page(report, folder)
     files = {"files": {file: file_digest(folder / file) for file in digests}} if digests else {}
-    sealed = seal({**report.record, "answer": list(report.answer), **files})
+    sealed = seal({**report.record, "answer": report.answer, **files})
     (folder / MANIFEST).write_text(json_text(sealed) + "\n", encoding="utf-8")
     return sealed

@@ -16,7 +16,8 @@ from matplotlib.text import Text
 from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
 
 from rattle.closure import CLOSURES
-from rattle.scene import state_names
+from rattle.compare.report.texts import REPORT_TEXTS
+from rattle.scene import Floats, state_names
 from rattle.scene.changes import unit_of_value, words_of_value
 from rattle.scene.plot import ShownFigure
 from rattle.scene.types import MOST_WHEELS
@@ -51,19 +52,7 @@ SYMBOL = {"tau": r"$\tau$", "flight": r"$\Delta\tau$"}
 SYMBOL |= {f"rho{i}": rf"$\rho_{{{i}}}$" for i in range(1, MOST_WHEELS + 1)}
 SYMBOL |= {name: f"${name[0]}_{{{name[1:]}}}$" for name in state_names(MOST_WHEELS)}
 
-VALUE_LABELS = {
-    "alpha": r"excitation amplitude $\alpha$",
-    "sigma": r"noise intensity $\sigma$",
-    "epsilon": r"restitution $\varepsilon$",
-    "mu": r"mass ratio $\mu$",
-    "beta1": r"damping of stage 1 $\beta_1$ ($\omega$)",
-    "beta2": r"damping of stage 2 $\beta_2$ ($\omega$)",
-    "gamma1": r"drag of stage 1 $\gamma_1$ ($\nu_1\omega^2$)",
-    "gamma2": r"drag of stage 2 $\gamma_2$ ($\nu_1\omega^2$)",
-    "gap1": r"half gap of stage 1 $g_1$ ($\nu_1$)",
-    "gap2": r"half gap of stage 2 $g_2$ ($\nu_1$)",
-    "correlation_time": r"correlation time $\theta$ ($1/\omega$)",
-}
+VALUE_LABELS: dict[str, str] = REPORT_TEXTS["labels"]
 """Axis labels of the values that have a symbol."""
 
 FIGURE_SETTINGS: Any = mpl.rc_params_from_file(
@@ -79,7 +68,9 @@ def axis_label(name: str) -> str:
     return VALUE_LABELS.get(name, f"{words}, {unit}" if unit else words)
 
 
-def new_figure(width: float, height: float, rows: int, columns: int) -> tuple[Figure, list[Axes]]:
+def new_figure(
+    width: float, height: float, rows: int = 1, columns: int = 1
+) -> tuple[Figure, list[Axes]]:
     """A figure with a grid of panels."""
     with mpl.rc_context(FIGURE_SETTINGS):
         figure = ShownFigure(figsize=(width, height), layout="constrained")
@@ -105,10 +96,10 @@ def new_panels(
     return figure, axes[:number]
 
 
-def legend_above(figure: Figure, axes: Sequence[Axes], columns: int) -> None:
-    """Add one legend for all panels above them; equal labels are shown once."""
+def legend_above(figure: Figure, columns: int, axes: Sequence[Axes] = ()) -> None:
+    """Add one legend for all panels, or for some, above them; equal labels are shown once."""
     handles: dict[str, Artist] = {}
-    for ax in axes:
+    for ax in axes or figure.axes:
         for handle, label in zip(*ax.get_legend_handles_labels(), strict=True):
             handles.setdefault(label, handle)
     for most in range(columns, 0, -1):
@@ -127,6 +118,14 @@ def plain_numbers(axis: Axis, values: Iterable[float]) -> None:
         axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
     axis.set_major_formatter("{x:g}")
     axis.set_minor_formatter(NullFormatter())
+
+
+def cell_edges(places: Floats) -> Floats:
+    """Edges of the cells around places on a logarithmic axis."""
+    middle = np.sqrt(places[1:] * places[:-1])
+    first = places[0] ** 2 / middle[0]
+    last = places[-1] ** 2 / middle[-1]
+    return np.concatenate([[first], middle, [last]])
 
 
 def error_bars(rows: pd.DataFrame, column: str = "value") -> Any:

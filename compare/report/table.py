@@ -4,6 +4,7 @@ import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -75,9 +76,9 @@ class Column:
     """A column of a table, and what its cells show of the row of a frame."""
 
     head: str
-    kind: str = TEXT  # `TEXT` or `NUMBER`
     form: str = ""  # column of the frame, or a format with such names; the head if not given
     mark: str = ""  # column of the frame with the marks of the cells
+    kind: str = TEXT  # `TEXT` or `NUMBER`
 
     def show(self, row: Mapping[str, Any]) -> TableCell | str | float:
         """The content of its cell in a row."""
@@ -90,14 +91,8 @@ class Column:
         return TableCell(content, row[self.mark]) if self.mark else content
 
 
-def of_numbers(head: str, form: str = "", mark: str = "") -> Column:
-    """A column of numbers."""
-    return Column(head, NUMBER, form, mark)
-
-
-def of_text(head: str, form: str = "", mark: str = "") -> Column:
-    """A column of text."""
-    return Column(head, TEXT, form, mark)
+of_numbers = partial(Column, kind=NUMBER)
+"""Makes a column of numbers."""
 
 
 @dataclass(frozen=True)

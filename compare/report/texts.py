@@ -5,6 +5,7 @@ uses.
 """
 
 import tomllib
+from collections.abc import Iterable, Sequence
 from importlib.resources import files
 from typing import Any
 
@@ -70,48 +71,52 @@ def read_file(package: str, name: str) -> str:
     return files("rattle.compare").joinpath(*package.split("."), name).read_text(encoding="utf-8")
 
 
-TERMS: dict[str, str] = read_texts("report")
+REPORT_TEXTS = read_texts("report")
+TERMS: dict[str, str] = REPORT_TEXTS["terms"]
 """Meaning of each term, in plain words, in the order in which a page lists them."""
 
-CLOSURE_TERMS = (
-    "closure",
-    "`published`",
-    "`corrected`",
-    "`saltation`",
-    "`branching`",
-    "simulation",
-)
-SCHEME_TERMS = (
-    "scheme",
-    "`euler-maruyama`",
-    "`euler-maruyama-located`",
-    "`exact-flight`",
-    "exact flight",
-    "dt",
-)
-SECTION_TERMS = ("τ", "x1, x2", "y1, y2", "E, sd", "impact", "itinerary")
-EXPONENT_TERMS = ("Lyapunov exponent", "drift's linearisation", "finite-size exponent")
-CHAOS_TERMS = ("orbit", "mean map", *EXPONENT_TERMS, "square-root law", "band", "sticking")
-VERDICT_TERMS = ("accurate", "inaccurate", "undecided", "range of validity")
 
-
-IN_UNITS = {
-    **dict.fromkeys(("α", "x1, x2"), "{length:.4g} mm"),
-    **dict.fromkeys(("τ", "Δτ", "dt"), "{time:.4g} ms"),
-    "y1, y2": "{speed:.4g} mm/s",
-    "Lyapunov exponent": "{each_second:.4g} per second",
-}
-"""What 1 is in physical units, of the quantities that have a dimension."""
+def _spread(names: Iterable[str]) -> set[str]:
+    """Terms, in place of the name of a page or of a list the terms in it."""
+    lists = REPORT_TEXTS["words"]
+    return {term for name in names for term in (_spread(lists.get(name, ())) or {name})}
 
 
 def glossary(*names: str, gears: Gears | None = None) -> tuple[tuple[str, str], ...]:
     """The terms that a page uses with their meanings, in the order of `TERMS`; with gears, what 1
-    is in their units."""
-    if unknown := set(names) - TERMS.keys():
+    is in their units.
+
+    `names`: Of terms, of lists of them, and of pages.
+    """
+    wanted = _spread(names)
+    if unknown := wanted - TERMS.keys():
         raise InputError("names", unknown.pop(), "is not explained; add it to TERMS")
-    terms = {name: meaning for name, meaning in TERMS.items() if name in names}
+    terms = {name: meaning for name, meaning in TERMS.items() if name in wanted}
     if gears is not None:
         units = gears.units._asdict() | {"each_second": 1e3 / gears.units.time}
-        ones = {name: one.format(**units) for name, one in IN_UNITS.items() if name in terms}
+        of_terms = REPORT_TEXTS["units"].items()
+        ones = {name: one.format(**units) for name, one in of_terms if name in terms}
         terms |= {name: f"{terms[name]}; 1 is {one} for these gears" for name, one in ones.items()}
     return tuple(terms.items())
+
+
+def join_words(items: Sequence[str]) -> str:
+    """Join items as in a sentence: commas, and ``and`` before the last."""
+    return items[0] if len(items) == 1 else ", ".join(items[:-1]) + " and " + items[-1]
+
+
+def name_all(names: Iterable[str]) -> str:
+    """Some names in code, joined as in a sentence."""
+    return join_words([f"`{name}`" for name in names])
+
+
+def span(values: Iterable[float], form: str) -> str:
+    """The range of some values in words; one value where they are the same as printed.
+
+    >>> span([17.257, 17.262], ".4g"), span([0.05, 0.1], ".0%")
+    ('17.26', '5% to 10%')
+    """
+    found = list(values)
+    low = format(min(found), form)
+    high = format(max(found), form)
+    return low if low == high else f"{low} to {high}"

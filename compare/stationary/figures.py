@@ -82,7 +82,7 @@ def distribution_figure(run: LongRun, laws: Mapping[str, Law | str]) -> Figure:
         ax.set_title(f"mesh {wheel_label(run.scene, density.mesh)}", loc="left")
     for ax in axes[::columns]:
         ax.set_ylabel(f"probability density (1 / ({unit}))")
-    legend_above(figure, axes, 3)
+    legend_above(figure, 3)
     return figure
 
 
@@ -127,15 +127,15 @@ def memory_figure(table: pd.DataFrame) -> Figure:
     beside it."""
     rows = table[table["autocorrelation"] > 0.0]
     rows = rows[[not name.startswith("contact") for name in rows.index]][::-1]
-    figure, (ax,) = new_figure(7.0, 1.0 + 0.16 * len(rows), 1, 1)
+    figure, (ax,) = new_figure(7.0, 1.0 + 0.16 * len(rows))
     at = np.arange(len(rows))
     ax.plot(np.array([np.ones(len(rows)), rows["autocorrelation"]]), [at, at], color="0.75", lw=1.0)
     colour = STYLE["corrected"]["color"]
     ax.plot(rows["autocorrelation"], at, ls="none", marker="o", ms=4, color=colour)
     ax.axvline(1.0, color="k", lw=0.9)
     ax.set_yticks(at, rows.index, fontsize=7)
-    ax.set(xscale="log", ylim=(-1.0, len(rows)))
-    ax.set_xlabel("autocorrelation time (impacts); 1: as if impacts were independent")
+    name = "autocorrelation time (impacts); 1: as if impacts were independent"
+    ax.set(xscale="log", ylim=(-1.0, len(rows)), xlabel=name)
     return figure
 
 
@@ -144,13 +144,14 @@ def scatter_figure(scatter: pd.DataFrame, sets: Mapping[str, Floats]) -> Figure:
     intervals."""
     figure, axes = new_figure(3.1 * len(sets), 3.4, 1, len(sets))
     for ax, (quantity, values) in zip(axes, sets.items(), strict=True):
-        rows = scatter[scatter["quantity"] == quantity].dropna(subset="low")
+        rows: Any = scatter[scatter["quantity"] == quantity].dropna(subset="low")
         steps = np.sort(values)
         share = 100.0 * np.arange(1, len(steps) + 1) / len(steps)
         ax.step(steps, share, where="post", color=SIMULATED_COLOUR, lw=1.0, label="gear sets")
         ax.errorbar(
-            rows["value"],
-            rows["percent"],
+            "value",
+            "percent",
+            data=rows,
             xerr=error_bars(rows),
             label="quantile with 95 % interval",
             fmt="o",
@@ -159,10 +160,9 @@ def scatter_figure(scatter: pd.DataFrame, sets: Mapping[str, Floats]) -> Figure:
             color=STYLE["saltation"]["color"],
         )
         unit = scatter.loc[scatter["quantity"] == quantity, "unit"].iloc[0]
-        ax.set_xlabel(f"{quantity} ({unit})" if unit else quantity)
-        ax.set_ylim(0.0, 100.0)
+        ax.set(xlabel=f"{quantity} ({unit})" if unit else quantity, ylim=(0.0, 100.0))
     axes[0].set_ylabel("share of gear sets below (%)")
-    legend_above(figure, axes, 2)
+    legend_above(figure, 2)
     return figure
 
 
@@ -170,8 +170,8 @@ def closure_figure(verdicts: pd.DataFrame) -> Figure:
     """Draw the errors of the closures in units of what is admissible."""
     rows = verdicts[verdicts["predicted"].notna() & (verdicts["tolerance"] > 0.0)]
     names = list(dict.fromkeys(rows["quantity"]))[::-1]
-    closures = list(dict.fromkeys(rows["closure"]))
-    figure, (ax,) = new_figure(7.4, 1.2 + 0.17 * len(names), 1, 1)
+    closures = rows["closure"].unique()
+    figure, (ax,) = new_figure(7.4, 1.2 + 0.17 * len(names))
     ax.axvspan(-1.0, 1.0, color=ACCURATE_COLOUR, alpha=0.3, lw=0, label="accurate")
     for i, closure in enumerate(closures):
         errors = rows[rows["closure"] == closure].set_index("quantity")
@@ -192,5 +192,5 @@ def closure_figure(verdicts: pd.DataFrame) -> Figure:
     ax.set_xscale("symlog", linthresh=1.0)
     ax.set_yticks(range(len(names)), names, fontsize=7)
     ax.set(ylim=(-1.0, len(names)), xlabel="error of the closure / tolerance")
-    legend_above(figure, [ax], 4)
+    legend_above(figure, 4)
     return figure

@@ -15,8 +15,6 @@ from rattle.compare.report.render import render_sentences
 from rattle.compare.report.report import Report
 from rattle.compare.report.table import NO_VALUE, Table
 from rattle.compare.report.texts import (
-    CLOSURE_TERMS,
-    VERDICT_TERMS,
     glossary,
     label_quantities,
     wheel_label,
@@ -26,23 +24,8 @@ from rattle.compare.stationary.verdicts import STATIONARY_TEXTS, TOLERANCES
 from rattle.montecarlo.long_run.scatter import FEWEST_SETS
 from rattle.scene import Scene
 from rattle.scene.changes import is_unit
-from rattle.scene.text import number_text, percent
+from rattle.scene.text import number_text
 from rattle.scene.threshold import rattle_threshold
-
-STATIONARY_WORDS = (
-    *CLOSURE_TERMS,
-    *VERDICT_TERMS,
-    "exact flight",
-    "σ",
-    "ε",
-    "τ",
-    "Δτ",
-    "y1, y2",
-    "E, sd",
-    "orbit",
-    "mean map",
-    "sticking",
-)
 
 MESH_WORDS = STATIONARY_TEXTS["by_mesh"]
 
@@ -93,7 +76,7 @@ def make_report(found: Stationary, view: Bifurcation | None, record: Facts) -> R
         answer(found),
         record | found.to_dict(),
         content,
-        glossary(*STATIONARY_WORDS, gears=gears),
+        glossary("stationary", gears=gears),
         figures=figures,
         tables=tables,
         digits="%.8g",
@@ -123,8 +106,10 @@ def answer(found: Stationary) -> list[str]:
     # 0 where all paths have the same
     memory = memory[(memory > 0.0) & ~memory.index.str.startswith(("contact", "skew_"))]
     meshes = range(1, found.scene.stages + 1)
-    label = partial(wheel_label, found.scene)
-    closed = ((label(mesh), table["value"][f"contact_share_mesh{mesh}"]) for mesh in meshes)
+    closed = (
+        (wheel_label(found.scene, mesh), table["value"][f"contact_share_mesh{mesh}"])
+        for mesh in meshes
+    )
     verdicts = found.verdicts_in(units)
     closures = verdicts.groupby("closure", sort=False) if len(verdicts) else ()
     return render_sentences(
@@ -132,13 +117,10 @@ def answer(found: Stationary) -> list[str]:
         found.scene.words,
         found=found,
         thresholds=rattle_threshold(found.scene),
-        label=label,
         shares=share_energy(found.scene, table),
         value=table["value"],
         high=table["high"],
         show=partial(show_quantity, table),
-        number=number_text,
-        percent=percent,
         least=speed_text(found.slow, found.scene.gears, units),
         quiet=speed_text(found.run.quiet, found.scene.gears, units) if found.run else "",
         closed=[(mesh, share) for mesh, share in closed if share > 0.0],

@@ -1,7 +1,6 @@
 """The result of a long run, which holds its numbers, and its quantities in physical units."""
 
 import re
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
@@ -36,18 +35,27 @@ MESH_OR_MOMENT = re.compile(r"^(sd_|rms_|q\d\d_)|(_above)?(_mesh\d+)?$")
 NUMERIC = ["value", "se", "low", "high", "se_batches"]
 NUMERIC += ["predicted", "simulated", "error", "tolerance"]
 """Columns of estimates and of verdicts that have the unit of their quantity."""
-QuantityUnit = tuple[str, Callable[[Units], float], str]
-ENERGY: QuantityUnit = ("mJ", lambda u: u.energy, DIMENSIONLESS["mJ"])
-QUANTITY_UNITS: dict[str, QuantityUnit] = {
-    "rate": ("1/s", lambda u: 1000.0 / u.time, "omega"),
-    "flight": ("ms", lambda u: u.time, DIMENSIONLESS["ms"]),
-    "speed": ("mm/s", lambda u: u.speed, DIMENSIONLESS["mm_per_s"]),
-    "energy": ENERGY,
-    "energy_per_period": ENERGY,
-    "power": ("mW", lambda u: 1000.0 * u.energy / u.time, f"{DIMENSIONLESS['mJ']} omega"),
+PLAIN_UNITS = {
+    "rate": "omega",
+    "flight": DIMENSIONLESS["ms"],
+    "speed": DIMENSIONLESS["mm_per_s"],
+    "energy": DIMENSIONLESS["mJ"],
+    "energy_per_period": DIMENSIONLESS["mJ"],
+    "power": f"{DIMENSIONLESS['mJ']} omega",
 }
-"""The physical unit of each kind of quantities, the factor to it, and what dimensionless ones count
-in."""
+"""What each kind of quantities counts in where they are dimensionless."""
+
+
+def physical_units(u: Units) -> dict[str, tuple[str, float]]:
+    """The physical unit of each kind of quantities, and the factor to it."""
+    return {
+        "rate": ("1/s", 1000.0 / u.time),
+        "flight": ("ms", u.time),
+        "speed": ("mm/s", u.speed),
+        "energy": ("mJ", u.energy),
+        "energy_per_period": ("mJ", u.energy),
+        "power": ("mW", 1000.0 * u.energy / u.time),
+    }
 
 
 def usual_units(scene: Scene) -> str:
@@ -57,8 +65,7 @@ def usual_units(scene: Scene) -> str:
 
 def plain_unit(quantity: str) -> str:
     """What a dimensionless quantity counts in; "1" without a unit."""
-    kind = kind_of(quantity)
-    return QUANTITY_UNITS[kind][2] if kind in QUANTITY_UNITS else "1"
+    return PLAIN_UNITS.get(kind_of(quantity), "1")
 
 
 def kind_of(quantity: str) -> str:
@@ -73,11 +80,9 @@ def unit_of(quantity: str, gears: Gears | None, units: str) -> tuple[str, float]
     1 at its rim, ``I1 / R1^2``, times the square of ``backlash1 omega``; between two loose wheels
     their reduced mass counts.
     """
-    kind = kind_of(quantity)
-    if gears is None or check_units(units, gears) == "dimensionless" or kind not in QUANTITY_UNITS:
+    if gears is None or check_units(units, gears) == "dimensionless":
         return "", 1.0
-    unit, factor, _ = QUANTITY_UNITS[kind]
-    return unit, factor(gears.units)
+    return physical_units(gears.units).get(kind_of(quantity), ("", 1.0))
 
 
 def speed_text(speed: float, gears: Gears | None, units: str) -> str:

@@ -4,7 +4,7 @@ kind ``stationary``."""
 import math
 import re
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from itertools import cycle
 from typing import TYPE_CHECKING, Any
 
@@ -12,10 +12,10 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from rattle.compare.engine.store import Cell, Content, Facts
-from rattle.compare.judge.verdict import JUDGED, Tolerances, Verdict, span
+from rattle.compare.judge.verdict import JUDGED, Tolerances, Verdict
 from rattle.compare.report.render import render_sentences
 from rattle.compare.report.style import STYLE, new_figure
-from rattle.compare.report.texts import CLOSURE_TERMS, VERDICT_TERMS, label_quantity
+from rattle.compare.report.texts import REPORT_TEXTS, label_quantity
 from rattle.compare.stationary.measure import ESTIMATE_COLUMNS, stationary
 from rattle.compare.stationary.result import in_units, plain_unit
 from rattle.compare.stationary.verdicts import (
@@ -51,7 +51,6 @@ KEYS = ("closures", *LONG_RUN_SETTINGS, "seed")
 TITLE = "study of the long run"
 PAGE = "rattle.compare.stationary.study"
 TEMPLATE = "stationary/study.j2"
-WORDS = (*CLOSURE_TERMS, *VERDICT_TERMS, "exact flight", "σ", "ε", "orbit")
 MAIN_QUANTITIES = ("rate", "speed", "energy_per_period", "slow_share")  # those of the page
 LEAST_LIMIT = 1e-3  # of a budget; what is spent already leaves none
 PHYSICAL_QUANTITIES = ("rate_above", "speed_above", "power", "slow_share")  # in physical units
@@ -101,8 +100,7 @@ class LongCell(Cell):
     def settings(self) -> Facts:
         """Everything that determines the result besides the scene, and the columns that are
         stored."""
-        names = [f.name for f in fields(self) if f.name not in ("scene", "limit")]
-        settings = {name: getattr(self, name) for name in names}
+        settings = self.list_fields("limit")
         return {"kind": "stationary", **settings, "columns": [*ESTIMATE_COLUMNS, *PREDICTED]}
 
     @property
@@ -285,14 +283,7 @@ PHYSICAL_PANELS = (
 """The same where a value of the gears varies in its own unit."""
 AVERAGES = ("speed", "slow_share", "energy_per_period")
 """Quantities whose autocorrelation is drawn."""
-LINE_COLOURS = (
-    *("#000000", "#0072B2", "#D55E00", "#009E73"),
-    *("#CC79A7", "#E69F00", "#56B4E9", "#777777"),
-)
-STYLES: Any = [
-    {"color": color, "marker": marker, "ms": 3, "lw": 1.0}
-    for color, marker in zip(LINE_COLOURS, "DosvpX^h", strict=True)
-]
+STYLES: Any = REPORT_TEXTS["marks"]["lines"]
 
 
 def study_figure(study: Study, quantities: pd.DataFrame, verdicts: pd.DataFrame) -> Figure:
@@ -385,7 +376,6 @@ def answer(r: LongTables) -> list[str]:
             if len(rows)
         },
         reach=reach,
-        span=span,
         physical=is_physical(r.study),
         exact=(r.cost["kind"] != "simulated").sum(),
     )

@@ -3,7 +3,7 @@
 A cell knows every input that determines its result.  Their digest is its key in the store.
 """
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
@@ -88,7 +88,7 @@ class Sample(Cell):
     def settings(self) -> Facts:
         """Everything that determines the result besides the scene, with the default step filled
         in."""
-        settings = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "scene"}
+        settings = self.list_fields()
         if self.dt is None and self.accuracy is None:
             settings["dt"] = default_step(
                 self.scene, self.scheme, SCHEMES[self.scheme].has_step_bias
@@ -204,7 +204,7 @@ def check_sample(sample: Sample) -> Sample:
     return sample
 
 
-BIAS = ("bias", "se_bias", "corrected", "se_corrected", "rest")
+BIAS = ["bias", "se_bias", "corrected", "se_corrected", "rest"]
 """Columns of `Ensemble.step_bias` that are stored; ``rest`` is the step bias that extrapolation
 leaves."""
 
@@ -214,7 +214,7 @@ def _sections(run: Ensemble) -> pd.DataFrame:
     parts = [run.section[[name for name in run.section if not str(name).startswith("bias_")]]]
     for (moment, quantity), rows in run.step_bias.groupby(["moment", "quantity"], sort=False):
         name = quantity if moment == "mean" else f"sd_{quantity}"
-        parts.append(rows.set_index("impact")[list(BIAS)].add_suffix(f"_{name}"))
+        parts.append(rows.set_index("impact")[BIAS].add_suffix(f"_{name}"))
     if run.batches is not None:
         filled = run.batches.n[:, 0, 0] > 0  # batches that contain paths
         columns = {

@@ -111,16 +111,6 @@ def read_axes(tables: Sequence[Mapping[str, Any]], scene: Scene) -> tuple[Axis, 
     return tuple(axes)
 
 
-def combination(axes: Sequence[Axis], number: int) -> Coordinates:
-    """Give one point of the grid by its index, the last axis running fastest."""
-    steps = np.unravel_index(number, [len(axis.values) for axis in axes])
-    return {
-        name: value
-        for axis, step in zip(axes, steps, strict=True)
-        for name, value in zip(axis.names, axis.values[step], strict=True)
-    }
-
-
 def _values(name: str, given: Any) -> tuple[Any, ...]:
     """Read the values of a field along an axis: a list, or evenly spaced ones."""
     field = f"axes.{name}"
@@ -172,8 +162,8 @@ STUDY_KINDS = {
 the predictions and the reasons of a `Point` from its scene and settings.  ``combine`` makes a
 ``RESULT`` of the results by key: an object with ``study, record, empty`` and ``TABLES``, each a
 Parquet file, those of ``SMALL`` written as CSV too.  ``PAGE`` is the module that shows it:
-``answer`` (sentences), ``draw`` (figures), ``content`` (what its ``TEMPLATE`` shows besides), and
-the ``WORDS`` that it explains.
+``answer`` (sentences), ``draw`` (figures) and ``content`` (what its ``TEMPLATE`` shows besides).
+The words that it explains stand in `rattle.compare.report.texts`, as ``study of`` that kind.
 """
 
 
@@ -324,7 +314,7 @@ class Study:
         given = data.get("study", {})
         if not isinstance(given, Mapping):
             raise InputError("study", given, "write it as a table: [study]")
-        name = choice("study.kind", given.get("kind", cls.kind), tuple(STUDY_KINDS))
+        name = choice("study.kind", given.get("kind", cls.kind), STUDY_KINDS)
         kind = kind_of(name)
         check_keys("study", given, ("kind", "title", *kind.KEYS))
         parts: Facts = {part: data[part] for part in TABLES if part in data}
@@ -422,8 +412,13 @@ class Study:
         return None if varies else self.scene.gears
 
     def _point(self, number: int) -> Point:
-        """One point of the grid by its index."""
-        coordinates = combination(self.axes, number)
+        """One point of the grid by its index, the last axis running fastest."""
+        steps = np.unravel_index(number, [len(axis.values) for axis in self.axes])
+        coordinates = {
+            name: value
+            for axis, step in zip(self.axes, steps, strict=True)
+            for name, value in zip(axis.names, axis.values[step], strict=True)
+        }
         varied = {name: value for name, value in coordinates.items() if name in SETTING_NAMES}
         changes = {name: value for name, value in coordinates.items() if name not in varied}
         try:

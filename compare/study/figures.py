@@ -13,21 +13,18 @@ from matplotlib.figure import Figure
 from rattle.compare.judge.verdict import ACCURATE_UP_TO, ENDED, NOT_WRONG, WRONG, Verdict, want
 from rattle.compare.report.style import (
     STYLE,
-    SYMBOL,
     axis_label,
     legend_above,
     new_figure,
     plain_numbers,
     whole_impacts,
 )
+from rattle.compare.report.texts import REPORT_TEXTS
 from rattle.compare.study.design import Placed, Study
 
 IMPACT_COLOURS = ("#440154", "#31688E", "#35B779", "#C7B700")
 """Line colours of up to four impacts, in order (from viridis)."""
-MOMENT_STYLE: Any = {
-    "mean": {"color": "#0072B2", "marker": "o"},
-    "sd": {"color": "#D55E00", "marker": "s"},
-}
+MOMENT_STYLE: Any = REPORT_TEXTS["marks"]["moments"]
 BAND = 0.2  # opacity of an interval
 FLOOR = 1e-4  # lower end of a logarithmic error axis, in sds
 
@@ -95,7 +92,7 @@ def errors(r: Any, rows: pd.DataFrame) -> Figure:
         ax.set_title(f"impact {impact}", loc="left")
         if impact == shown[0]:
             ax.set_ylabel(f"largest error of a {moment}, in sds")
-    legend_above(figure, axes, len(r.study.closures) + 1)
+    legend_above(figure, len(r.study.closures) + 1)
     return figure
 
 
@@ -111,7 +108,7 @@ def _worst(rows: pd.DataFrame, name: str) -> pd.DataFrame:
 def validity(r: Any, rows: pd.DataFrame) -> Figure:
     """Draw the range of validity over the first k impacts: where each closure is accurate, and not
     shown wrong."""
-    figure, (ax,) = new_figure(8.0, 3.8, 1, 1)
+    figure, (ax,) = new_figure(8.0, 3.8)
     name = r.study.along
     values = r.errors[name].unique()
     for closure, group in rows.groupby("closure", sort=False):
@@ -135,7 +132,7 @@ def validity(r: Any, rows: pd.DataFrame) -> Figure:
     ax.set_ylim(min(values), max(values) * 1.1)
     whole_impacts(ax)
     ax.set(xlabel="first impacts", ylabel=f"largest {axis_label(name)}")
-    legend_above(figure, [ax], 2)
+    legend_above(figure, 2)
     return figure
 
 
@@ -182,26 +179,20 @@ def _agreement(axes: list[Axes], r: Any, rows: pd.DataFrame) -> None:
     axes[0].set(ylim=(-0.02, 1.04), ylabel="paths on the noise-free itinerary")
 
 
-SECTION_PANELS = {
-    ("tau", "sd"): f"sd of {SYMBOL['tau']}",
-    ("y1", "sd"): rf"sd of {SYMBOL['y1']} ($\nu_1\omega$)",
-    ("rate", "mean"): r"impacts so far / mean $\tau$",
-    ("tau", "skew"): f"skewness of {SYMBOL['tau']}",
-    ("y1", "skew"): f"skewness of {SYMBOL['y1']}",
-    ("energy", "mean"): r"energy lost ($I_1/R_1^2\,(\nu_1\omega)^2$)",
-}
-"""Label of each panel, by the quantity and the moment that it shows."""
+SECTION_PANELS: list[dict[str, str]] = REPORT_TEXTS["marks"]["panels"]
+"""Quantity, moment and label of each panel."""
 
 
 def _sections(axes: list[Axes], r: Any, rows: pd.DataFrame) -> None:
     """Draw sd and skewness at some impacts, impact rate and energy loss, with 95 % intervals."""
-    for ax, ((quantity, moment), label) in zip(axes, SECTION_PANELS.items(), strict=True):
-        part = rows[(rows["quantity"] == quantity) & (rows["moment"] == moment)]
+    for ax, panel in zip(axes, SECTION_PANELS, strict=True):
+        moment = panel["moment"]
+        part = rows[(rows["quantity"] == panel["quantity"]) & (rows["moment"] == moment)]
         for style, group in _by_impact(part, r):
             half = 1.96 * group["se"]
             value = group["value"]
             _draw_band(ax, group[r.study.along], value, value - half, value + half, ms=2.5, **style)
-        ax.set_ylabel(label)
+        ax.set_ylabel(panel["label"])
         if moment == "sd" and (part["value"] > 0.0).any():
             ax.set_yscale("log")
         if moment == "skew":
@@ -211,7 +202,7 @@ def _sections(axes: list[Axes], r: Any, rows: pd.DataFrame) -> None:
 def draw_paired(r: Any, rows: pd.DataFrame) -> Figure:
     """Draw the gain of common random numbers: independent over paired standard error of a
     difference of neighbours."""
-    figure, (ax,) = new_figure(6.2, 3.6, 1, 1)
+    figure, (ax,) = new_figure(6.2, 3.6)
     part = rows.query("se > 0.0 and se_independent > 0.0")
     part = part.assign(
         gain=part["se_independent"] / part["se"], middle=0.5 * (part["from"] + part["to"])
@@ -228,7 +219,7 @@ def draw_paired(r: Any, rows: pd.DataFrame) -> Figure:
     ax.set(yscale="log", ylabel="error of a difference, independent / paired")
     ax.yaxis.set_major_formatter("{x:g}")
     label_field(ax, r.study.along, part["middle"])
-    legend_above(figure, [ax], 2)
+    legend_above(figure, 2)
     return figure
 
 
@@ -258,7 +249,7 @@ class TablePlot(NamedTuple):
         self.draw(axes, r, rows)
         for ax in axes:
             label_field(ax, r.study.along, rows[r.study.along])
-        legend_above(figure, axes, 4)
+        legend_above(figure, 4)
         return figure
 
 

@@ -277,7 +277,7 @@ def _write(folder: Path, tables: Any, seconds: Mapping[str, float], facts: Facts
     record = {
         "version": manifest.VERSION,
         "kind": "study",
-        "tables": list(kind.TABLES),
+        "tables": kind.TABLES,
         "title": study.title,
         "answer": answer,
         "complete": len(seconds) == len(study.cells),
@@ -299,7 +299,7 @@ def _write(folder: Path, tables: Any, seconds: Mapping[str, float], facts: Facts
         answer,
         record,
         content | page.content(tables, seconds),
-        glossary(*page.WORDS, gears=study.shown_gears),
+        glossary(f"study of {study.kind}", gears=study.shown_gears),
         figures={drawing.name: drawing.figure for drawing in drawn},
         tables={name: getattr(tables, name) for name in kind.SMALL},
         large={name: getattr(tables, name) for name in kind.TABLES},

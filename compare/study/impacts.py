@@ -440,13 +440,30 @@ def read(given: Mapping[str, Any], varying: set[str], scene: Scene) -> Facts:
         raise InputError(
             "study.dt", settings.get("dt"), "accuracy chooses the step itself; leave it out"
         )
+    closures = given.get("closures", closures_for(scene))
+    if not isinstance(closures, list | tuple) or not closures:
+        why = f"give a list of {', '.join(CLOSURES)}, or package.module:function of your own"
+        raise InputError("study.closures", closures, why)
+    names = [r if ":" in str(r) else choice("study.closures", r, CLOSURES) for r in closures]
+    within = given.get("within", {})
+    if not isinstance(within, Mapping):
+        raise InputError(
+            "study.within", within, "write it as a table: within = { mean = 0.05, sd = 0.10 }"
+        )
+    check_keys("study.within", within, Tolerances._fields)
+    limits = {name: positive(f"study.within.{name}", value) for name, value in within.items()}
+    flags = {name: given.get(name, flag) for name, flag in FLAGS.items()}
+    for name, flag in flags.items():
+        if not isinstance(flag, bool):
+            raise InputError(f"study.{name}", flag, "give true or false")
     return {
-        "closures": _closures(given.get("closures", closures_for(scene))),
+        "closures": tuple(dict.fromkeys(names)),
         "impacts": count("study.impacts", given.get("impacts", 12)),
         "order": count("study.order", given.get("order", 4), *ORDER_RANGE),
         "settings": settings,
-        "within": _within(given.get("within", {})),
-    } | {name: _flag(f"study.{name}", given.get(name, flag)) for name, flag in FLAGS.items()}
+        "within": Tolerances(**limits),
+        **flags,
+    }
 
 
 def cells(
@@ -479,32 +496,3 @@ def cells(
         except InputError as error:
             reasons[method.name] = str(error)
     return sample, tuple(predictions), reasons
-
-
-def _closures(given: Any) -> tuple[str, ...]:
-    """Read the names of closures, each once."""
-    if not isinstance(given, list | tuple) or not given:
-        why = f"give a list of {', '.join(CLOSURES)}, or package.module:function of your own"
-        raise InputError("study.closures", given, why)
-    return tuple(
-        dict.fromkeys(r if ":" in str(r) else choice("study.closures", r, CLOSURES) for r in given)
-    )
-
-
-def _flag(field: str, value: Any) -> bool:
-    """Read a field that is true or false."""
-    if not isinstance(value, bool):
-        raise InputError(field, value, "give true or false")
-    return value
-
-
-def _within(given: Any) -> Tolerances:
-    """Read the tolerances."""
-    if not isinstance(given, Mapping):
-        raise InputError(
-            "study.within", given, "write it as a table: within = { mean = 0.05, sd = 0.10 }"
-        )
-    check_keys("study.within", given, Tolerances._fields)
-    return Tolerances(
-        **{name: positive(f"study.within.{name}", value) for name, value in given.items()}
-    )

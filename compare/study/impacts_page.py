@@ -5,10 +5,10 @@ from collections.abc import Mapping
 
 import pandas as pd
 
-from rattle.compare.judge.verdict import Verdict, in_words, is_accurate, span, want
+from rattle.compare.judge.verdict import Verdict, in_words, is_accurate, want
 from rattle.compare.report.json_text import Facts
 from rattle.compare.report.render import render_sentences
-from rattle.compare.report.texts import CLOSURE_TERMS, SECTION_TERMS, VERDICT_TERMS
+from rattle.compare.report.texts import span
 from rattle.compare.study.estimate import scaling
 from rattle.compare.study.figures import STUDY_FIGURES, panels
 from rattle.compare.study.folder import Drawing
@@ -16,8 +16,6 @@ from rattle.compare.study.impacts import Tables, find_validity
 from rattle.compare.validation.errors import ON_ITINERARY, RULE
 
 TEMPLATE = "study/impacts.j2"
-SYMBOLS = ("exact flight", "σ", "α", "ε", "ρ1, ρ2", "orbit", "agreement")
-WORDS = (*CLOSURE_TERMS, *SECTION_TERMS, *VERDICT_TERMS, *SYMBOLS)
 # up to so many different ranges of validity of a closure are listed one by one in the answer
 MOST_RANGES_LISTED = 4
 

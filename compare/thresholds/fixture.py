@@ -6,7 +6,7 @@ import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any, NoReturn, TypeVar
+from typing import Any, TypeVar
 
 import pandas as pd
 import pytest
@@ -27,6 +27,7 @@ from rattle.compare.thresholds.decision import (
     predict,
     predict_long,
 )
+from rattle.compare.thresholds.judged import fail
 from rattle.scene import FileError, RattleError, harmless, line
 from rattle.scene.files import parse_toml, read_text
 from rattle.scene.numpy_errors import numpy_defaults
@@ -177,13 +178,13 @@ class Rattle:
     def _judge(self, model: str, table: pd.DataFrame, shown: Callable[[pd.DataFrame], str]) -> None:
         """Fail or skip the test if its claim is not accurate."""
         if (table["verdict"] == Verdict.INACCURATE).any():
-            self._fail(messages.failure_text(model, table, shown) + self._figure(model, table))
+            fail(messages.failure_text(model, table, shown) + self._figure(model, table))
         if len(messages.undecided_rows(table)):
             text = messages.describe_undecided(model, table, shown)
             if (self.claim.undecided or self._session.settings.undecided) == "skip":
                 pytest.skip(harmless(f"rattle: {text}"))
             remedies = messages.remedies(table, self.claim)
-            self._fail(f"{text}\n{remedies}{self._figure(model, table)}")
+            fail(f"{text}\n{remedies}{self._figure(model, table)}")
 
     def baseline(self, model: Model, *, relative: float = 1e-9, absolute: float = 1e-12) -> None:
         """Compare a model's predictions with those recorded in ``baselines/`` beside the test;
@@ -197,7 +198,7 @@ class Rattle:
         again = f"pytest '{self._item.nodeid}' --rattle-baselines"
         if not path.exists():
             if mode == "compare":
-                self._fail(f"there is no baseline {name}; record it: {again}=record")
+                fail(f"there is no baseline {name}; record it: {again}=record")
             self._guard(write_baseline, path, now, prediction.closure)
             self._record(kind="baseline", done=f"recorded {name}")
             return
@@ -206,7 +207,7 @@ class Rattle:
         if lines and mode != "regenerate":
             bound = f"{absolute:g} + {relative:g} of a value"
             said = f"{prediction.closure} differs from its baseline {name} by more than {bound}:"
-            self._fail("\n".join([said, *lines, f"If that is meant: {again}=regenerate"]))
+            fail("\n".join([said, *lines, f"If that is meant: {again}=regenerate"]))
         done = ""
         if lines:
             self._guard(write_baseline, path, now, prediction.closure)
@@ -217,7 +218,7 @@ class Rattle:
         """Refuse a second call: rows are counted once at collection, and a test has one baseline
         file."""
         if kind in self._asked:
-            self._fail(f"a test makes one {kind}; parametrize the test for more")
+            fail(f"a test makes one {kind}; parametrize the test for more")
         self._asked.add(kind)
 
     def _guard(self, action: Callable[..., T], *given: Any) -> T:
@@ -225,10 +226,7 @@ class Rattle:
             return action(*given)
         except RattleError as error:
             refusal = str(error)
-        self._fail(refusal)
-
-    def _fail(self, text: str) -> NoReturn:
-        pytest.fail(harmless(f"rattle: {text}"), pytrace=False)
+        fail(refusal)
 
     def _record(self, **facts: Any) -> None:
         self._item.user_properties.append(("rattle", facts))

@@ -29,6 +29,11 @@ TABLE_COLUMNS = (
 """Columns of a message: head, column of the verdicts, and how its numbers are written."""
 
 
+def fail(text: str) -> NoReturn:
+    """Fail the test."""
+    pytest.fail(harmless(f"rattle: {text}"), pytrace=False)
+
+
 class Judge:
     """The value of the fixture ``judge``."""
 
@@ -59,7 +64,7 @@ class Judge:
         else:
             self._decide(found, undecided)
             return found
-        self._fail(refusal)
+        fail(refusal)
 
     def _read_markers(self) -> dict[str, Any]:
         """The options of the markers; a nearer one refines that of the class or module."""
@@ -85,23 +90,20 @@ class Judge:
         }
         self._item.user_properties.append(("rattle", facts))
         if judged == 0:
-            self._fail("nothing was judged: predictions and samples have no moment in common")
+            fail("nothing was judged: predictions and samples have no moment in common")
         if len(wrong):
             head = f"{len(wrong)} of {judged} moments are inaccurate"
-            self._fail(f"{head}\n{_describe(found, wrong)}")
+            fail(f"{head}\n{_describe(found, wrong)}")
         if len(open_rows):
             head = f"{len(open_rows)} of {judged} moments are undecided"
             text = f"{head}\n{_describe(found, open_rows)}"
             if undecided == "skip":
                 pytest.skip(harmless(f"rattle: {text}"))
-            self._fail(
+            fail(
                 f"{text}\nUndecided is not passed: give more paths, allow a larger error (within),"
                 ' or accept that it is undecided (undecided="skip" in its marker, or'
                 " --rattle-undecided=skip)."
             )
-
-    def _fail(self, text: str) -> NoReturn:
-        pytest.fail(harmless(f"rattle: {text}"), pytrace=False)
 
 
 def _tolerances(within: Any) -> Tolerances:

@@ -3,13 +3,14 @@ of a session."""
 
 import math
 from collections.abc import Callable
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
 
 from rattle.compare.judge.verdict import DECIDED, Verdict
 from rattle.compare.report.render import render_text
+from rattle.compare.report.texts import REPORT_TEXTS
 from rattle.compare.study.cells import Sampled
 from rattle.compare.thresholds.claim import Claim
 from rattle.scene import line
@@ -40,11 +41,7 @@ PATHS_MARGIN = 2.0
 """Factor on the number of paths that should decide a test, since it is computed from an error that
 is itself random."""
 
-VERDICT_MARKERS = {
-    Verdict.ACCURATE: ("#009E73", "o"),
-    Verdict.INACCURATE: ("#D55E00", "X"),
-    Verdict.UNDECIDED: ("#000000", "$?$"),
-}
+VERDICT_MARKERS: dict[str, Any] = REPORT_TEXTS["marks"]["tests"]
 """Colour and marker of each verdict in the figure."""
 MOST_ROWS_DRAWN = 60
 """Largest number of rows in the figure; the worst are shown."""
@@ -151,7 +148,7 @@ def error_figure(table: pd.DataFrame, model: str) -> "Figure":
     verdicts = rows["verdict"].where(rows["verdict"].isin(DECIDED), Verdict.UNDECIDED)
     rows = rows.assign(**rows[scaled].div(rows["unit"], axis=0), verdict=verdicts)
     rows["place"] = np.arange(len(rows))[::-1]
-    figure, (ax,) = new_figure(6.4, 1.5 + 0.2 * len(rows), 1, 1)
+    figure, (ax,) = new_figure(6.4, 1.5 + 0.2 * len(rows))
     allowed = rows["tolerance"]
     ax.barh(
         rows["place"],
@@ -163,7 +160,7 @@ def error_figure(table: pd.DataFrame, model: str) -> "Figure":
         lw=0,
         label="allowed",
     )
-    for verdict, (colour, marker) in VERDICT_MARKERS.items():
+    for verdict, style in VERDICT_MARKERS.items():
         of_verdict = rows[rows["verdict"] == verdict]
         if len(of_verdict):
             error = of_verdict["error"]
@@ -172,11 +169,10 @@ def error_figure(table: pd.DataFrame, model: str) -> "Figure":
                 of_verdict["place"],
                 xerr=(error - of_verdict["low"], of_verdict["high"] - error),
                 ls="none",
-                marker=marker,
                 ms=6,
                 elinewidth=1.6,
-                color=colour,
-                label=str(verdict),
+                label=verdict,
+                **style,
             )
     reach = np.nanmax(rows[["low", "high", "tolerance"]].abs())
     room = 1.15
@@ -186,13 +182,16 @@ def error_figure(table: pd.DataFrame, model: str) -> "Figure":
     ax.axvline(0.0, color="0.3", lw=0.8)
     symbols = rows.assign(quantity=rows["quantity"].map(SYMBOL))
     ax.set_yticks(rows["place"], name_rows(symbols, "{moment} {quantity}, impact {impact}"))
-    ax.set(xlim=(-room * reach, room * reach), ylim=(-0.7, len(rows) - 0.3))
+    ax.set(
+        xlim=(-room * reach, room * reach),
+        ylim=(-0.7, len(rows) - 0.3),
+        xlabel="error and its interval, in sds of the quantity",
+    )
     ax.grid(False, axis="y")
-    ax.set_xlabel("error and its interval, in sds of the quantity")
     title = line(model)[:60]
     if len(table) > MOST_ROWS_DRAWN:
         title += f" (the worst {MOST_ROWS_DRAWN} of {len(table)} rows)"
     colour = STYLE[model]["color"]
     ax.set_title(title, loc="left", fontweight="bold", parse_math=False, color=colour)
-    legend_above(figure, [ax], 4)
+    legend_above(figure, 4)
     return figure

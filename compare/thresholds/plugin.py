@@ -150,12 +150,11 @@ def pytest_terminal_summary(terminalreporter: Any) -> None:
             records |= {(report.nodeid, str(fact)): fact for fact in facts}
     if records:
         from rattle.compare.judge.rows import BY_SIZE
-        from rattle.compare.judge.verdict import span
         from rattle.compare.report.render import render_text
         from rattle.scene.text import harmless
 
         facts = [{"test": test, **fact} for (test, _), fact in records.items()]
-        text = render_text("thresholds/summary.j2", records=facts, span=span, why_size=BY_SIZE)
+        text = render_text("thresholds/summary.j2", records=facts, why_size=BY_SIZE)
         terminalreporter.section("rattle: accuracy thresholds")
         for line in text.rstrip("\n").split("\n"):
             terminalreporter.write_line(harmless(line, keep=""))

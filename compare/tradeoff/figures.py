@@ -13,14 +13,11 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import NullFormatter
 
 from rattle.compare.report.style import OWN_COLORS, STYLE, SYMBOL, legend_above, new_figure
+from rattle.compare.report.texts import REPORT_TEXTS
 from rattle.montecarlo.settings import EXACT_SCHEME
 from rattle.scene.types import MOST_WHEELS
 
-SCHEME_STYLES = {
-    "euler-maruyama": {"color": "#CC79A7", "marker": "P"},
-    "euler-maruyama-located": {"color": "#56B4E9", "marker": "X"},
-    EXACT_SCHEME: STYLE["monte carlo"],
-}
+SCHEME_STYLES: Any = REPORT_TEXTS["marks"]["schemes"]
 MEASURED_MARK = Line2D([], [], ls="-", marker="D", ms=5, color="0.4", label="measured")
 EXTRAPOLATED = Line2D(
     [], [], ls="--", marker="D", ms=5, mfc="none", color="0.4", label="extrapolated"
@@ -38,7 +35,7 @@ def tradeoff_figure(
     `slopes`: Exponent with which the cost of each scheme grows with the accuracy; NaN if unknown.
     """
     # low enough for the first screen, its legend beside it
-    figure, (ax,) = new_figure(10.6, 4.9, 1, 1)
+    figure, (ax,) = new_figure(10.6, 4.9)
     schemes = points.query("kind == 'scheme'").groupby("method", sort=False)
     handles: list[Artist] = [
         _scheme(ax, str(name), rows, slopes[str(name)]) for name, rows in schemes
@@ -46,8 +43,9 @@ def tradeoff_figure(
     multilevel = points.query("kind == 'multilevel'").groupby("method", sort=False)
     for method, rows in [*multilevel, (EXACT_SCHEME, means_alone)]:
         handles += ax.plot(
-            rows["core_seconds"],
-            rows["error"],
+            "core_seconds",
+            "error",
+            data=rows,
             ls="-.",
             lw=1.1,
             color=SCHEME_STYLES[method.removeprefix("multilevel ")]["color"],
@@ -61,8 +59,8 @@ def tradeoff_figure(
         yscale="log",
         ylim=(0.6 * low, 2.0 * high),
         xlabel="processor time (core-seconds)",
+        ylabel="error of the section means and sds / sd of each quantity",
     )
-    ax.set_ylabel("error of the section means and sds / sd of each quantity")
     handles += [MEASURED_MARK, EXTRAPOLATED, MISSED]
     figure.legend(handles=handles, loc="outside right upper", fontsize=8.0, frameon=False)
     return figure
@@ -97,10 +95,10 @@ def order_figure(changes: pd.DataFrame) -> Figure:
         _changes(ax, rows[rows["moment"] == moment].dropna(subset=["change"]))
         title = rf"{scheme}: {MOMENT_NAMES[moment]}, $\sigma$ = {sigma:.3g}"
         ax.set_title(title, fontsize=8.0)
-        ax.set_xlabel("dt")
         label = "error" if moment == "itinerary" else "change from dt to dt / 2 (sds)"
+        ax.set_xlabel("dt")
         ax.set_ylabel(label, fontsize=8.0)
-    legend_above(figure, axes, 7)
+    legend_above(figure, 7)
     return figure
 
 

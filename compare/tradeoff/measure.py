@@ -46,7 +46,7 @@ from rattle.montecarlo.ensemble.simulate_rare import begin_rare
 from rattle.montecarlo.kernel.blocks import Budget, in_threads
 from rattle.montecarlo.looks import CountedWork
 from rattle.montecarlo.statistics.intervals import widest
-from rattle.scene import Floats, Scene, positive, section_names
+from rattle.scene import Floats, Scene, section_names
 from rattle.scene.progress import ProgressBar
 
 T = TypeVar("T")
@@ -216,11 +216,6 @@ class Tradeoff:
     control: pd.DataFrame
     orders: WeakOrders | None  # measured weak orders, if asked for
     reduced: str = ""  # what the budget has made smaller, as a sentence
-
-
-def check_accuracies(accuracies: Sequence[float]) -> tuple[float, ...]:
-    """Validate accuracies and sort them."""
-    return tuple(sorted({positive("accuracy", a) for a in accuracies}, reverse=True))
 
 
 # of the budget: the most that a point may take, and all points together
@@ -519,7 +514,7 @@ def measure(
     if orders:
         measured = _measure_orders(base, firsts, euler, allowance, seed, workers)
     return Tradeoff(
-        pd.DataFrame(points, columns=list(CostPoint._fields)),
+        pd.DataFrame(points, columns=CostPoint._fields),
         accuracies,
         {name: models[name] for name in SCHEMES},
         levels,

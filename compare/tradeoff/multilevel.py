@@ -24,7 +24,6 @@ from rattle.montecarlo.diagnostics.accuracy import smallest_sd, units
 from rattle.montecarlo.diagnostics.reference import at_wall
 from rattle.montecarlo.kernel.block import Plan, sample
 from rattle.montecarlo.noise.philox import LEVELS as SIDE_BY_SIDE
-from rattle.montecarlo.settings import EXACT_SCHEME
 from rattle.scene import Floats, Scene, section_names
 from rattle.scene.progress import ProgressBar
 
@@ -277,7 +276,6 @@ def control_table(
             scene.with_sigma(sigma),
             paths=paths,
             impacts=impacts,
-            scheme=EXACT_SCHEME,
             rng=seed,
             workers=workers,
         )

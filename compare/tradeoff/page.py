@@ -7,15 +7,11 @@ from typing import Any, TypeAlias
 import numpy as np
 import pandas as pd
 
-from rattle.compare.judge.verdict import join_words, span
 from rattle.compare.report.json_text import Facts
 from rattle.compare.report.render import render_sentences
 from rattle.compare.report.report import Report
 from rattle.compare.report.table import Table, TableCell
 from rattle.compare.report.texts import (
-    CLOSURE_TERMS,
-    SCHEME_TERMS,
-    SECTION_TERMS,
     glossary,
     name_wheels,
 )
@@ -96,11 +92,7 @@ def answer(m: Tradeoff, costs: Costs) -> list[str]:
         plain=m.models[EULER_MARUYAMA],
         tuned_ns=HAND_TUNED_NS,
         missing=" ".join(explain_missing(m.reference.scene, list(closures["method"]))),
-        duration=duration_text,
     )
-
-
-TRADEOFF_WORDS = (*CLOSURE_TERMS, *SECTION_TERMS, *SCHEME_TERMS, "standard error", "σ")
 
 
 def _parts(m: Tradeoff, costs: Costs) -> Facts:
@@ -187,8 +179,6 @@ def orders_said(table: pd.DataFrame) -> list[str]:
         moments=table.query("moment != 'itinerary'"),
         coarsest=STEP_PAIRS[0],
         finest=0.5 * STEP_PAIRS[-1],
-        join_words=join_words,
-        span=span,
     )
 
 
@@ -225,7 +215,7 @@ def make_report(m: Tradeoff, record: Facts) -> Report:
         sentences,
         record,
         content | _parts(m, costs),
-        glossary(*TRADEOFF_WORDS, gears=scene.gears),
+        glossary("tradeoff", gears=scene.gears),
         figures=figures,
         tables=tables,
         more={"all points": "`tradeoff.csv`"},

@@ -21,7 +21,6 @@ from scipy.stats import linregress
 
 from rattle.montecarlo import SCHEMES, Ensemble, Record, simulate
 from rattle.montecarlo.diagnostics.accuracy import units
-from rattle.montecarlo.settings import EXACT_SCHEME
 from rattle.montecarlo.statistics.intervals import CONFIDENCE, ROUNDED_SD, widest
 from rattle.scene import Floats, Scene
 from rattle.scene.progress import ProgressBar
@@ -180,7 +179,7 @@ def weak_orders(
     """
     *seeds, last = np.random.SeedSequence(rng).spawn(replicates + 1)
     sample = partial(simulate, scene.phase_reduced, impacts=impacts, workers=workers)
-    exact = sample(paths=paths * replicates, scheme=EXACT_SCHEME, rng=last)
+    exact = sample(paths=paths * replicates, rng=last)
     schemes = [name for name, kind in SCHEMES.items() if kind.has_step_bias]
     record = Record(step_bias=True)
     settings = list(itertools.product(schemes, seeds, STEP_PAIRS))

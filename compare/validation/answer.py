@@ -7,7 +7,6 @@ clock measured.
 
 import math
 from collections.abc import Iterable, Sequence
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -15,16 +14,9 @@ import pandas as pd
 
 from rattle.closure import refusals
 from rattle.compare.judge.rows import BY_SIZE
-from rattle.compare.judge.verdict import (
-    JUDGED,
-    in_words,
-    join_words,
-    name_all,
-    span,
-    unbroken,
-)
+from rattle.compare.judge.verdict import JUDGED, in_words, unbroken
 from rattle.compare.report.render import render_sentences
-from rattle.compare.report.texts import name_wheels, wheel_label
+from rattle.compare.report.texts import join_words, name_all, name_wheels, span
 from rattle.compare.validation import comparison
 from rattle.compare.validation.comparison import Comparison, Sweep
 from rattle.compare.validation.errors import HALF_OF_PATHS, SIMULATED, first_failure
@@ -33,8 +25,7 @@ from rattle.compare.validation.transient import describe_transient
 from rattle.montecarlo.branches.search import SMALLEST
 from rattle.montecarlo.diagnostics.diagnostics import UNSEARCHED
 from rattle.montecarlo.diagnostics.reach import near_text
-from rattle.scene import Scene, duration_text
-from rattle.scene.text import percent
+from rattle.scene import Scene
 
 SECTION_EXPLAINED = " (Poincaré section at the impacts)"
 """Explains the word section at its first use on a page."""
@@ -71,7 +62,7 @@ def advice(
             }
         )
     (sentence,) = render_sentences(
-        "validation/advice.j2", takes=takes, impacts=impacts, names=name_all, gears=gears
+        "validation/advice.j2", takes=takes, impacts=impacts, gears=gears
     )
     return sentence
 
@@ -80,8 +71,8 @@ def cost_sentence(
     simulation: pd.DataFrame,
     speed: pd.DataFrame,
     impacts: int,
-    duration: str = "",
-    over: pd.DataFrame | None = None,
+    duration: str,
+    over: pd.DataFrame | None,
 ) -> str:
     """What a simulation and the closures cost in counted work.
 
@@ -102,29 +93,13 @@ def cost_sentence(
         # exact flights are what `rattle simulate` takes
         schemes=sorted(set(simulation["scheme"]) - {"exact-flight"}),
         wanted=comparison.WANTED,
-        simulations=[
-            f"{duration_text(row['core_seconds'], 2)} at σ = {row['sigma']:.4g}"
-            f" ({_paths(row['paths'], row['branches'])})"
-            for row in simulation.to_dict("records")
-        ],
+        simulations=simulation.to_dict("records"),
+        near_text=near_text,
         counted=longest[~measured].to_dict(),
         measured=longest[measured].to_dict(),
         cheaper=cheaper,
-        duration=duration_text,
-        join=join_words,
     )
     return sentence
-
-
-def _paths(paths: float, branches: int) -> str:
-    number = (
-        f"{paths:,.0f}"
-        if paths < 1e4
-        else f"{float(f'{paths:.2g}'):,.0f}"
-        if paths < 1e12
-        else f"{paths:.2g}"
-    )
-    return f"{number} path{'s' if paths > 1 else ''}{near_text(branches)}"
 
 
 def validity_sentence(validity: pd.DataFrame, impacts: int) -> str:
@@ -168,8 +143,6 @@ def itinerary_sentence(validity: pd.DataFrame, impacts: int) -> list[str]:
         lost=[f"{sigma:.4g}" for sigma in least.index[least > 1.0 - HALF_OF_PATHS]],
         alone=len(least) == 1,
         smallest=SMALLEST,
-        percent=percent,
-        join=join_words,
     )
 
 
@@ -182,15 +155,7 @@ UNFINISHED = (
 def describe_left_out(swept: Sweep, budget: float) -> list[str]:
     """How many noise intensities of a sweep its budget has left out, and what all of them would
     take."""
-    if not swept.left_out:
-        return []
-    done = swept.validity["sigma"].nunique()
-    more = math.ceil(swept.all_work)
-    return [
-        f"The range of validity is measured at {done} of {done + swept.left_out} noise intensities,"
-        f" for a budget of {budget:g} core-seconds of counted work; all of them take about"
-        f" {more:,}: `--budget {more}`."
-    ]
+    return render_sentences("validation/left_out.j2", swept=swept, budget=budget)
 
 
 def explain_missing(scene: Scene, shown: Iterable[str]) -> list[str]:
@@ -248,10 +213,7 @@ def answer(validations: Sequence[Comparison], swept: Sweep | None = None) -> lis
             if share < 1.0
         ],
         raised=raised,
-        names=name_all,
-        join=join_words,
-        label=partial(wheel_label, first.scene),
-        words=first.scene.words,
+        scene=first.scene,
     )
     speed = comparison.measure_speeds(validations)
     over = swept.speed if swept else None

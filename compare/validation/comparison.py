@@ -317,7 +317,7 @@ def measure_speeds(validations: Sequence[Comparison]) -> pd.DataFrame:
     speeds = [
         s for v in validations for closure in v.predictions if (s := measure_speed(v, closure))
     ]
-    return pd.DataFrame(speeds, columns=list(Speed._fields))
+    return pd.DataFrame(speeds, columns=Speed._fields)
 
 
 def measure_speed(v: Comparison, closure: str) -> Speed | None:

@@ -20,6 +20,7 @@ from rattle.compare.report.style import (
     STYLE,
     SYMBOL,
     VALUE_LABELS,
+    cell_edges,
     legend_above,
     new_figure,
     new_panels,
@@ -51,7 +52,7 @@ def error_figure(v: Comparison) -> Figure:
         unit = "" if number % columns else "error / sd of the quantity"
         ax.set(xlim=(0.5, len(v.run.section) + 0.5), xlabel="impact", ylabel=unit)
         whole_impacts(ax)
-    legend_above(figure, axes, 5)
+    legend_above(figure, 5)
     return figure
 
 
@@ -87,7 +88,7 @@ def correlation_figure(v: Comparison) -> Figure | None:
         )
         whole_impacts(ax)
         ax.set_title(f"stage {wheel_label(v.scene, stage)}", loc="left")
-    legend_above(figure, axes, 4)
+    legend_above(figure, 4)
     return figure
 
 
@@ -155,7 +156,7 @@ def section_figure(v: Comparison) -> Figure:
             xlabel=rf"{SYMBOL[quantity]} before impact ($\nu_1\omega$)",
             ylabel=r"density ($1/\nu_1\omega$)" if impact == 1 else "",
         )
-    legend_above(figure, axes, 4)
+    legend_above(figure, 4)
     return figure
 
 
@@ -228,8 +229,7 @@ def validity_figure(table: pd.DataFrame, impacts: int) -> Figure:
 
 def _panel(ax: Axes, rows: pd.DataFrame, closure: str, impacts: int) -> None:
     sigma = rows["sigma"].to_numpy()
-    middle = np.sqrt(sigma[1:] * sigma[:-1])
-    edges = np.concatenate([[sigma[0] ** 2 / middle[0]], middle, [sigma[-1] ** 2 / middle[-1]]])
+    edges = cell_edges(sigma)
     accurate = rows["accurate"].to_numpy()
     not_inaccurate = rows["not_inaccurate"].to_numpy()
     colour = STYLE[closure]["color"]
@@ -277,5 +277,5 @@ def drive_figure(scene: Scene) -> Figure:
             ax.annotate(str(one.order), peak, fontsize=7, color="0.3", ha="center")
         ax.plot([], [], lw=0.9, color="0.6", label="each order")
         ax.set(xlabel=SYMBOL["tau"], ylabel=name)
-    legend_above(figure, axes, 2)
+    legend_above(figure, 2)
     return figure

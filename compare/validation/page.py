@@ -18,9 +18,6 @@ from rattle.compare.report.save import csv_text, save
 from rattle.compare.report.style import caption_of, render
 from rattle.compare.report.table import SIGNS_OF_MARKS
 from rattle.compare.report.texts import (
-    CLOSURE_TERMS,
-    SECTION_TERMS,
-    VERDICT_TERMS,
     glossary,
     read_texts,
 )
@@ -44,12 +41,6 @@ VALIDATION_TABLES = {
 """Tables of a validation by the name of their file."""
 VALIDATION_PARQUET = ("table", "validity")
 """Tables that are written as Parquet too."""
-VALIDATION_WORDS = (
-    *CLOSURE_TERMS,
-    *SECTION_TERMS,
-    *VERDICT_TERMS,
-    *("exact flight", "σ", "ρ1, ρ2", "stage", "agreement", "realizable"),
-)
 CAPTIONS: dict[str, dict[str, str]] = read_texts("validation")
 """Of each figure the parts of its caption, with a word of the legend that each needs."""
 
@@ -96,18 +87,6 @@ def _draw_section(v: Comparison, number: int) -> DrawnSection:
     return DrawnSection(content, figures)
 
 
-def _describe_own_closures(v: Comparison) -> list[str]:
-    """What each closure of one's own is, where there is one."""
-    sentences = []
-    for name, method in ((name, m.method) for name, m in v.predictions.items() if m.method.own):
-        explained = getattr(method.function, "__doc__", None) or "no description"
-        meaning = explained.strip().split("\n")[0]
-        where = f" (`{method.reference}`)" if method.reference else ""
-        source = f"is a closure of one's own, source {method.digest[:12]}"
-        sentences.append(f"`{name}`{where} {source}: {meaning}")
-    return sentences
-
-
 def _draw(first: Comparison, validations: Sequence[Comparison], swept: Sweep | None) -> Any:
     """The figures of all noise intensities together, with the texts of their captions."""
     agreement = {
@@ -137,7 +116,7 @@ def _fill(
     marks = [f"{SIGNS_OF_MARKS[mark] or '–'} {verdict}" for verdict, mark in MARKS.items()]
     content: Facts = {
         "swept": swept is not None,
-        "own_closures": _describe_own_closures(first),
+        "predictions": first.predictions,
         "marks": ", ".join(marks),
         "rule": RULE,
         "claim": correlation_claim(validations),
@@ -212,7 +191,7 @@ def write_report(
         said,
         record,
         content,
-        glossary(*VALIDATION_WORDS, gears=first.scene.gears),
+        glossary("validation", gears=first.scene.gears),
         figures=figures,
         tables=frames,
         large=large,
@@ -221,7 +200,7 @@ def write_report(
         more={f"`{name}.csv`": f"sha256 {digest}" for name, digest in digests.items()},
     )
     save(out, report, overwrite)
-    return record | {"answer": list(said)}
+    return record | {"answer": said}
 
 
 def write_one(v: Comparison, out: Path, overwrite: bool) -> Path:

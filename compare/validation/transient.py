@@ -1,14 +1,10 @@
 """Whether the first impacts of a scene are a transient, by the threshold of rattle and the end of
 the orbit."""
 
-from functools import partial
-
 from rattle.compare.report.render import render_sentences
-from rattle.compare.report.texts import wheel_label
 from rattle.scene import Scene
 from rattle.scene.changes import spell
 from rattle.scene.long_orbit import REST_FOR_GOOD, attractor
-from rattle.scene.text import number_text, percent
 from rattle.scene.threshold import rattle_threshold
 
 ALWAYS = 0.9995  # share of the time from which on a mesh is called closed throughout
@@ -38,15 +34,8 @@ def describe_transient(scene: Scene) -> str:
         gears=scene.gears,
         share=shares[0] if len(closed) == 1 and shares else None,
         stages=scene.stages,
-        label=partial(wheel_label, scene),
+        scene=scene,
         drag_name=lambda wheel: spell(scene, f"gamma{wheel}"),
         always=ALWAYS,
-        drag=drag_text,
-        percent=percent,
     )
     return sentence
-
-
-def drag_text(value: float, unit: str) -> str:
-    """A drag to four digits, without an exponent where it is not needed."""
-    return f"{number_text(value, 4)} {unit}".rstrip()

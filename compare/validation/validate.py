@@ -161,7 +161,7 @@ def validate(
     if scene.sigma > 0.0 and len(run.at_times()):
         parts += [errors.mid_flight_errors(m, run, flights, z, limits) for m in maps]
     parts += [errors.itinerary_errors(m, run, widest(moments), limits) for m in maps]
-    table = pd.concat(parts, ignore_index=True).reindex(columns=list(TABLE_COLUMNS))
+    table = pd.concat(parts, ignore_index=True).reindex(columns=TABLE_COLUMNS)
     raised = {name: m.stopped for name, m in predictions.items() if m.trace.raised}
     remarks = zip(table["closure"], table["remark"].fillna(""), strict=True)
     table["remark"] = [raised.get(name, remark) for name, remark in remarks]

@@ -12,16 +12,13 @@ from rattle.compare.report.render import Terms, as_html, html, markdown, split_c
 from rattle.compare.report.report import Report
 from rattle.compare.report.style import STYLE
 from rattle.compare.report.table import SIGNS_OF_MARKS, Table, TableCell, leading_number, of_numbers
-from rattle.compare.report.texts import CLOSURE_TERMS, SECTION_TERMS, VERDICT_TERMS, glossary
+from rattle.compare.report.texts import glossary
 
 __all__ = [
-    "CLOSURE_TERMS",
     "NASTY",
     "RECORD",
-    "SECTION_TERMS",
     "SIGNS_OF_MARKS",
     "STYLE",
-    "VERDICT_TERMS",
     "Report",
     "Table",
     "Terms",

@@ -6,10 +6,7 @@ import re
 import pytest
 from markupsafe import Markup
 from sample_page import (
-    CLOSURE_TERMS,
     RECORD,
-    SECTION_TERMS,
-    VERDICT_TERMS,
     Report,
     Table,
     Terms,
@@ -57,7 +54,7 @@ def shown(tmp_path_factory, browser):
         ["closure", of_numbers("E τ"), of_numbers("sd y1")],
         [["saltation", 0.1, 0.2], ["published", 0.3, 0.4]],
     )
-    words = glossary(*CLOSURE_TERMS, *SECTION_TERMS, *VERDICT_TERMS, "σ")
+    words = glossary("closures", "sections", "verdicts", "σ")
     answer = ("Take `saltation` up to σ = 0.1.",)
     report = Report("report", "t", answer, RECORD, {"rows": table}, words, template="terms.j2")
     write_page(report, folder)

@@ -92,7 +92,6 @@ def gather(
     validations = [
         validate(
             scene.with_sigma(sigma),
-            scheme="exact-flight",
             impacts=CLAIM_IMPACTS,
             paths=paths,
             rng=seed,
@@ -147,7 +146,6 @@ def mean_motion(scene: Scene, paths: int, seed: int, workers: int) -> MeanMotion
         paths=paths,
         impacts=ROOM_FOR_IMPACTS,
         dt=MEAN_STEP,
-        scheme="exact-flight",
         rng=np.random.SeedSequence([seed, 11]),
         workers=workers,
         sampling=Sampling(horizon=float(times[-1] - scene.start.tau) + 1.0),

@@ -22,9 +22,9 @@ from rattle.compare.chaos.record import STICKS_AT_TIMES, STICKS_FOR_GOOD, STICKS
 from rattle.compare.chaos.section import NOISY
 from rattle.compare.chaos.spectrum import VELOCITY_IN_TIME, spectra_tables
 from rattle.compare.checks.claims.evidence import Evidence
-from rattle.compare.judge.verdict import Verdict, join_words
+from rattle.compare.judge.verdict import Verdict
 from rattle.compare.report.json_text import Facts
-from rattle.compare.report.texts import read_texts
+from rattle.compare.report.texts import join_words, read_texts
 from rattle.compare.validation.comparison import rows_to_judge
 from rattle.compare.validation.errors import SIMULATED, first_failure
 from rattle.montecarlo.statistics.intervals import widest

@@ -1,74 +1,45 @@
 """All claims in the order of the paper; the page and the folder of ``rattle check claims``."""
 
-from collections import Counter
+from typing import Any
 
 import pandas as pd
 from matplotlib.figure import Figure as Drawing
 
 from rattle.compare.chaos.figures import draw
 from rattle.compare.chaos.measure import ChaosStudy
-from rattle.compare.chaos.page import CHAOS_CAPTIONS, CHAOS_WORDS
+from rattle.compare.chaos.page import CHAOS_CAPTIONS
 from rattle.compare.checks.claims.judges import (
     CLAIM_TEXTS,
-    CLAIM_UNDECIDED,
-    HOLDS_IN_PART,
     NOT_REPRODUCED,
-    REPRODUCED,
     PaperClaim,
 )
-from rattle.compare.judge.verdict import join_words
 from rattle.compare.report.json_text import Facts
+from rattle.compare.report.render import render_sentences
 from rattle.compare.report.report import Report
 from rattle.compare.report.style import new_figure
-from rattle.compare.report.texts import glossary
+from rattle.compare.report.texts import REPORT_TEXTS, glossary
 
 EVIDENCE_FIGURES = [text.get("figure", "") for text in CLAIM_TEXTS.values()]
 """Figure of the study of chaos that shows the evidence of each claim, if there is one."""
-VERDICT_KINDS = {
-    NOT_REPRODUCED: ("is not reproduced", "are not reproduced", "bad", "X", "#D55E00"),
-    CLAIM_UNDECIDED: ("is undecided", "are undecided", "open", "^", "#999999"),
-    HOLDS_IN_PART: ("holds only in part", "hold only in part", "part", "D", "#E69F00"),
-    REPRODUCED: ("is reproduced", "are reproduced", "good", "o", "#009E73"),
-}
-"""Kinds of verdicts, from the worst to the best for the claim: in words, of one claim and of
-several; mark of the cell; marker and colour in the figure, from Okabe and Ito's palette (place and
-marker tell them without colour as well)."""
-CLAIM_WORDS = (
-    *CHAOS_WORDS,
-    "ρ1, ρ2",
-    "stage",
-    "accurate",
-    "reproduced",
-    "not reproduced",
-    "holds only for",
-)
+VERDICT_KINDS: Any = REPORT_TEXTS["marks"]["claims"]
+"""Kinds of verdicts, from the worst to the best for the claim."""
 
 
 def answer(claims: list[PaperClaim]) -> list[str]:
     """Summarise how many claims have which verdict, and which are not reproduced."""
-    counts = Counter(c.kind for c in claims)
-    said = join_words(
-        [
-            f"{n} {VERDICT_KINDS[kind][n > 1]}"
-            for kind in reversed(VERDICT_KINDS)
-            if (n := counts[kind])
-        ]
+    return render_sentences(
+        "checks/claims/answer.j2", claims=claims, kinds=VERDICT_KINDS, failed=NOT_REPRODUCED
     )
-    failed = [f"“{c.name}”" for c in claims if c.kind == NOT_REPRODUCED]
-    return [
-        f"Of {len(claims)} testable claims of the paper"
-        f" {said}{f': {join_words(failed)}' if failed else ''}."
-    ]
 
 
 def verdict_figure(claims: list[PaperClaim]) -> Drawing:
     """Draw the verdict on each claim: a row for each claim, a column for each kind of verdict that
     occurs."""
     kinds = [kind for kind in VERDICT_KINDS if any(c.kind == kind for c in claims)]
-    figure, (ax,) = new_figure(8.6, 0.27 * len(claims) + 0.7, 1, 1)
+    figure, (ax,) = new_figure(8.6, 0.27 * len(claims) + 0.7)
     for row, claim in enumerate(claims):
-        marker, colour = VERDICT_KINDS[claim.kind][3:]
-        ax.plot(kinds.index(claim.kind), row, ms=10, ls="none", marker=marker, color=colour)
+        style = VERDICT_KINDS[claim.kind]["style"]
+        ax.plot(kinds.index(claim.kind), row, ms=10, ls="none", **style)
     ax.set_xticks(
         range(len(kinds)), [f"{kind}: {sum(c.kind == kind for c in claims)}" for kind in kinds]
     )
@@ -85,7 +56,7 @@ def make_report(claims: list[PaperClaim], chaos: ChaosStudy, record: Facts) -> R
     """The report on the claims."""
     drawn = {name: figure for name, figure in draw(chaos).items() if name in EVIDENCE_FIGURES}
     numbered = pd.DataFrame({"claim": range(1, len(claims) + 1)}).join(pd.DataFrame(claims))
-    marks = [VERDICT_KINDS[claim.kind][2] for claim in claims]
+    marks = [VERDICT_KINDS[claim.kind]["cell"] for claim in claims]
     return Report(
         "claims",
         "The paper's claims, judged",
@@ -96,7 +67,7 @@ def make_report(claims: list[PaperClaim], chaos: ChaosStudy, record: Facts) -> R
             "claims": list(zip(claims, EVIDENCE_FIGURES, strict=True)),
             "captions": CHAOS_CAPTIONS,
         },
-        glossary(*CLAIM_WORDS, gears=chaos.scene.gears),
+        glossary("claims", gears=chaos.scene.gears),
         figures=drawn | {"verdicts": verdict_figure(claims)},
         tables={"claims": numbered},
         template="checks/claims/page.j2",

@@ -71,7 +71,7 @@ def _tables(scene: Scene) -> list[pd.DataFrame]:
     results: list[Any] = [predict(scene, closure=name) for name in CLOSURES]
     results += [sample(scene, scheme=s, record=Record(step_bias=False)) for s in SCHEMES]
     results.append(predict(loose, closure="saltation"))
-    results.append(sample(loose, scheme="exact-flight"))
+    results.append(sample(loose))
     tables = [result.phase_reduced.section.select_dtypes("number") for result in results]
     path, _ = LongPath(scene, seed=3).stretch(500)
     columns = ["phase", "flight", *(f"growth{i}" for i in range(4)), *LENGTHS]
@@ -83,7 +83,7 @@ def _tables(scene: Scene) -> list[pd.DataFrame]:
 
 def _verdicts(scene: Scene) -> np.ndarray:
     """The verdict on every moment of every closure."""
-    found = validation.validate(scene, impacts=2, paths=1024, rng=1, scheme="exact-flight")
+    found = validation.validate(scene, impacts=2, paths=1024, rng=1)
     return found.table["verdict"].to_numpy(str)
 
 
@@ -247,8 +247,6 @@ def free_covariance() -> Errors:
             paths=EXTREME_PATHS,
             impacts=1,
             dt=EXTREME_FLIGHT / math.ceil(EXTREME_FLIGHT / (share * longest)),
-            scheme="exact-flight",
-            rng=0,
             sampling=Sampling(horizon=1.5 * EXTREME_FLIGHT),
             record=Record(times=[EXTREME_FLIGHT]),
         )
@@ -347,7 +345,7 @@ def large_tolerances() -> Errors:
         fixed = replace(plain, tolerance=Tolerance(most, most, distribution="fixed"))
         start = replace(plain.start, x1=gap + most, x2=gap + most)
         wide = replace(plain, gap1=gap + most, gap2=gap + most, start=start)
-        sample = partial(montecarlo.simulate, paths=32, impacts=3, scheme="exact-flight", rng=1)
+        sample = partial(montecarlo.simulate, paths=32, impacts=3, rng=1)
         runs: list[Callable[[Scene], Any]] = [
             partial(closure.mean_map, impacts=3, closure=c) for c in CLOSURES if c != "branching"
         ]
@@ -362,7 +360,6 @@ def large_tolerances() -> Errors:
                 loose,
                 paths=64,
                 impacts=4,
-                scheme="exact-flight",
                 rng=2,
                 sampling=Sampling(horizon=20.0),
                 record=Record(raw=True),

@@ -92,7 +92,7 @@ def flight_density(flight: Floats, speed: Floats, launch: float) -> Floats:
     exponent = launch + speed - 0.5 * flight - 2.0 * square / flight
     scale = math.sqrt(3.0) / math.pi * speed / flight**2
     density = scale * np.exp(exponent) * erf(np.sqrt(6.0 * launch * speed / flight))
-    return np.asarray(density)
+    return density
 
 
 @cache

@@ -19,7 +19,6 @@ spread over many boxes, x is uniform and independent of y.
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 from scipy.integrate import quad
@@ -360,8 +359,6 @@ FREE_FLIGHT = 3.3  # time of the flight without walls
 # rounding
 STEP_ERROR = 1e-6
 START = Start(0.3, 0.1, -0.4, -0.2, 0.5)
-# half gaps that no path crosses
-OPEN_GAPS: dict[str, Any] = {"gap1": 1e6, "gap2": 1e6, "start": START}
 SCENE = Scene(
     alpha=1.5,
     epsilon=0.9,
@@ -371,7 +368,10 @@ SCENE = Scene(
     gamma2=0.029,
     mu=0.6,
     sigma=0.4,
-    **OPEN_GAPS,
+    # which no path crosses
+    gap1=1e6,
+    gap2=1e6,
+    start=START,
 )
 """Two stages that are driven by the same noise with different modulations."""
 
@@ -398,7 +398,6 @@ def _follow(
         scene,
         paths=GAUSSIAN_PATHS,
         impacts=impacts,
-        scheme="exact-flight",
         rng=np.random.SeedSequence(seeds),
         workers=workers,
         sampling=Sampling(horizon=times[-1] - scene.start.tau + 0.1),

@@ -6,10 +6,10 @@ Steps are admissible and longer ones, and the default step.
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from functools import partial, reduce
 from pathlib import Path
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -68,20 +68,13 @@ def moderate(
     return replace(pair, sigma=sigma, epsilon=epsilon)
 
 
-class MapAxis(NamedTuple):
-    """An axis of the map."""
-
-    symbol: str  # for the figure
-    values: tuple[float, ...]  # of an argument of `moderate`
-
-
 AXES = {
-    "beta": MapAxis(r"damping $\beta_1$", (0.0, 1e-3, 0.1, 1.0, 10.0, 100.0, 1e3)),
-    "gap": MapAxis("half gap $g$", (1e-8, 1e-6, 1e-4, 1e-2, 0.5, 30.0, 1e4)),
-    "sigma": MapAxis(r"noise $\sigma$", (0.0, 1e-3, 0.03, 0.3, 3.0, 100.0, 1e4)),
-    "epsilon": MapAxis(r"restitution $\epsilon$", (0.0, 0.1, 0.3, 0.6, 0.9, 0.99, 1.0)),
+    "beta": (r"damping $\beta_1$", (0.0, 1e-3, 0.1, 1.0, 10.0, 100.0, 1e3)),
+    "gap": ("half gap $g$", (1e-8, 1e-6, 1e-4, 1e-2, 0.5, 30.0, 1e4)),
+    "sigma": (r"noise $\sigma$", (0.0, 1e-3, 0.03, 0.3, 3.0, 100.0, 1e4)),
+    "epsilon": (r"restitution $\epsilon$", (0.0, 0.1, 0.3, 0.6, 0.9, 0.99, 1.0)),
 }
-"""All axes by the argument of `moderate` that varies."""
+"""All axes by the argument of `moderate` that varies: the symbol in the figure, and the values."""
 
 
 CHART_IMPACTS = 4
@@ -295,13 +288,13 @@ class Chart(NamedTuple):
 class Place(Cell):
     """The cells of the map at one value of an axis: every scheme, at every step."""
 
-    packages: ClassVar[tuple[str, ...]] = (
+    packages = (
         "closure",
         "montecarlo",
         "compare/checks/stability",
         "compare/validation",
     )
-    group: ClassVar[str] = "places of the map"
+    group = "places of the map"
 
     scene: Scene
     axis: str
@@ -319,9 +312,7 @@ class Place(Cell):
     @property
     def settings(self) -> Facts:
         """Everything that determines the result besides the scene."""
-        asked = asdict(self) | {"kind": "stability"}
-        del asked["scene"]
-        return asked
+        return {"kind": "stability"} | self.list_fields()
 
     def evaluate(self, blocks: Blocks | None = None) -> tuple[pd.DataFrame, Facts]:
         """Judge the cells."""
@@ -360,7 +351,7 @@ def chart(
     results are stored: the same map continues there after an interruption.
     """
     chosen = [round(i * 6 / max(points - 1, 1)) for i in range(points)]
-    places = [(axis, AXES[axis].values[i]) for axis in axes for i in chosen]
+    places = [(axis, AXES[axis][1][i]) for axis in axes for i in chosen]
     rows = 2 * len(section_names(2)) * CHART_IMPACTS
     cells_of_a_place = len(schemes) * (len(SHARES) + 1)
     z = widest(len(places) * cells_of_a_place * rows * len(sizes(paths)))

@@ -26,17 +26,10 @@ from rattle.compare.report.json_text import Facts
 from rattle.compare.report.render import render_sentences
 from rattle.compare.report.report import Report
 from rattle.compare.report.style import legend_above, new_figure
-from rattle.compare.report.texts import SCHEME_TERMS, glossary
+from rattle.compare.report.texts import REPORT_TEXTS, glossary
 from rattle.scene import Scene
 
-CHART_MARKS: Any = {
-    UNBIASED: {"color": "#0072B2", "marker": "o"},
-    CHART_UNDECIDED: {"color": "#999999", "marker": "^"},
-    BIASED: {"color": "#D55E00", "marker": "s"},
-    UNSTABLE: {"color": "#000000", "marker": "X"},
-    COLLAPSING: {"color": "#CC79A7", "marker": "D"},
-}
-"""Colours of Okabe and Ito's palette; markers distinguish the verdicts without colour as well."""
+CHART_MARKS: Any = REPORT_TEXTS["marks"]["stability"]
 REFUSED_COLOUR = "#E8E8E8"
 DEFAULT_OFFSET = 0.28  # horizontal offset of the cell at the default step, in columns
 
@@ -44,7 +37,7 @@ DEFAULT_OFFSET = 0.28  # horizontal offset of the cell at the default step, in c
 def summary(table: pd.DataFrame) -> Drawing:
     """Draw how many cells with an admissible step have which verdict, at the default step and at
     all of them."""
-    schemes = list(dict.fromkeys(table["scheme"]))
+    schemes = table["scheme"].unique()
     cells = table[table["share"] <= 1.0]
     drawn, panels = new_figure(10.0, 0.42 * len(schemes) + 1.2, 1, 2)
     shown = (("at the default step", cells[cells["default"]]), ("at every admissible step", cells))
@@ -62,7 +55,7 @@ def summary(table: pd.DataFrame) -> Drawing:
         ax.set_title(title, loc="left")
         ax.set(ylabel="", xlabel="cells of the map")
     panels[1].set_yticklabels([])
-    legend_above(drawn, panels[:1], len(CHART_MARKS))
+    legend_above(drawn, len(CHART_MARKS), panels[:1])
     return drawn
 
 
@@ -73,8 +66,8 @@ def _nonzero(number: float) -> str:
 
 def figure(table: pd.DataFrame) -> Drawing:
     """Draw the map."""
-    schemes = list(dict.fromkeys(table["scheme"]))
-    axes = list(dict.fromkeys(table["axis"]))
+    schemes = table["scheme"].unique()
+    axes = table["axis"].unique()
     drawn, panels = new_figure(
         2.9 * len(axes) + 0.8, 2.7 * len(schemes) + 0.9, len(schemes), len(axes)
     )
@@ -83,7 +76,7 @@ def figure(table: pd.DataFrame) -> Drawing:
         if axis == axes[0]:
             ax.set_ylabel(f"{scheme}\nstep dt")
         if scheme == schemes[-1]:
-            ax.set_xlabel(AXES[axis].symbol)
+            ax.set_xlabel(AXES[axis][0])
     drawn.legend(
         handles=_legend(set(table["verdict"])),
         loc="outside upper center",
@@ -96,7 +89,6 @@ def _draw_panel(ax: Axes, part: pd.DataFrame) -> None:
     longest = part["dt"] / part["share"]
     longest = longest.groupby(part["value"], sort=False).first()
     values = list(longest.index)
-    ax.set_yscale("log")
     low = 0.4 * part["dt"].min()
     high = 2.5 * part["dt"].max()
     edges = [-0.5, *range(len(values)), len(values) - 0.5]
@@ -111,7 +103,7 @@ def _draw_panel(ax: Axes, part: pd.DataFrame) -> None:
         size = 4.0 if cell.default else 5.5
         edge: Any = {"mec": style["color"], "mew": 1.2, "ls": ""}
         ax.plot(x, cell.dt, style["marker"], ms=size, mfc=face, **edge)
-    ax.set(ylim=(low, high), xlim=(-0.5, len(values) - 0.5))
+    ax.set(yscale="log", ylim=(low, high), xlim=(-0.5, len(values) - 0.5))
     ax.set_xticks(range(len(values)), [f"{v:g}" for v in values], fontsize=7.5)
 
 
@@ -129,22 +121,6 @@ def _legend(verdicts: set[str]) -> list[Line2D]:
     return [Line2D([], [], label=label, **{"ls": "", **style}) for label, style in marks.items()]
 
 
-STABILITY_WORDS = (
-    *SCHEME_TERMS,
-    "admissible step",
-    "default step",
-    "diagnostic",
-    "unbiased",
-    "biased",
-    "unstable",
-    "no limit",
-    "standard error",
-    "σ",
-    "ε",
-    "E, sd",
-    "impact",
-    "sticking",
-)
 MARK = {UNBIASED: "good", BIASED: "bad", UNSTABLE: "bad", CHART_UNDECIDED: "open"}
 
 
@@ -220,7 +196,7 @@ def make_report(found: Chart, tried: Sequence[Result], record: Facts) -> Report:
         answer(found, tried),
         record,
         content,
-        glossary(*STABILITY_WORDS, gears=Scene.from_dict(record["scene"]).gears),
+        glossary("stability", gears=Scene.from_dict(record["scene"]).gears),
         figures={"verdicts": summary(found.table), "stability": figure(found.table)},
         tables=tables,
         digits="%.6g",

@@ -82,7 +82,7 @@ def test_negative_control_of_a_scheme_is_biased(middle, scheme, wrong):
     assert found.verdict == BIASED
 
 
-@pytest.mark.parametrize("gap", [AXES["gap"].values[0], AXES["gap"].values[-1]])
+@pytest.mark.parametrize("gap", [AXES["gap"][1][0], AXES["gap"][1][-1]])
 def test_exact_flights_without_noise_are_the_orbit(gap):
     scene = replace(moderate(gap=gap), sigma=0.0)
     found = verdict(scene, reference(scene, paths=1, seed=1), "exact-flight", 1.0, 1)
