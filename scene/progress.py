@@ -166,11 +166,12 @@ def apart_from_bars() -> Iterator[None]:
     it.
 
     What is said where no bar is comes back only if the work goes on: it would stand below an
-    answer.
+    answer.  The lock is held from before it is taken away, for the thread would draw it again.
     """
-    _hide_status()
-    with Bar.external_write_mode():
-        yield
+    with _lock:
+        _hide_status()
+        with Bar.external_write_mode():
+            yield
 
 
 def print_on_stderr(text: str) -> None:
