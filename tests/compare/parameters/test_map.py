@@ -25,10 +25,10 @@ def test_a_guess_saves_values_and_a_wrong_one_does_no_harm(near):
 
 @pytest.mark.slow
 def test_each_value_has_its_own_boundary(results):
-    """Searches with other random numbers agree with every column, and not all of them with that of
-    another."""
+    """Searches with other random numbers agree with the first and the last column, which are not
+    alike."""
     curve = results["map"].curve.set_index("along")
-    for alpha, row in curve.iterrows():
+    for alpha, row in curve.iloc[[0, -1]].iterrows():
         (again, *_) = run("boundary", scene=replace(QUIET, alpha=alpha), impacts=2, rng=4).edges
         assert max(row["accurate"], again.accurate) < min(row["wrong"], again.wrong)
     # a column in the place of another is noticed
