@@ -106,7 +106,7 @@ def after_impact(c: Constants, raw: Floats) -> Floats:
     return out
 
 
-@np.errstate(all="ignore")
+@np.errstate(all="ignore")  # a level bracket has no secant: NaN, as in compiled code
 def _counter_mesh(
     c: Constants,
     last: Constants,

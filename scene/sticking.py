@@ -129,7 +129,8 @@ def _bound_accelerations(c: Constants, driver: Driver, bodies: Bodies) -> float:
     mass = 0.0
     lightest = math.inf
     for i, wheel in enumerate(c.wheels):
-        total += abs(wheel.beta * bodies[i].speed + wheel.gamma) + wheel.turn * acceleration
+        steady = wheel.gamma + c.pressing * wheel.own
+        total += abs(wheel.beta * bodies[i].speed + steady) + wheel.turn * acceleration
         total += wheel.stiffness * wheel.size
         mass += wheel.turn * wheel.turn * wheel.mass
         lightest = min(lightest, wheel.turn * wheel.turn * wheel.mass)
