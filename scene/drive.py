@@ -8,7 +8,7 @@ compiled, and what belongs to the other kind of drive is left out.
 import math
 from typing import Any
 
-from rattle.scene.compiled import inline, lean
+from rattle.scene.compiled import inline, lean, splice
 from rattle.scene.damping import Damped
 
 PERIOD = 2.0 * math.pi  # of the motion
@@ -79,7 +79,7 @@ def _turn(
     return sine, cosine
 
 
-@inline
+@splice
 def _derivatives(drive: Any, tau: float) -> tuple[float, float, float]:
     """``f'``, ``f''`` and ``f'''`` of several orders."""
     first = 0.0

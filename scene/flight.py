@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from rattle.scene.compiled import internal, jit, not_inlined
+from rattle.scene.compiled import internal, jit, not_inlined, splice
 from rattle.scene.damping import Damped, damped, pair
 from rattle.scene.drive import (
     PERIOD,
@@ -393,7 +393,7 @@ def _over_panels(c: Constants, source: int, v: Floats, tau: float, t: float) -> 
     return q
 
 
-@internal
+@splice
 def _over_periods(c: Constants, source: int, v: Floats, tau: float, t: float) -> Floats:
     """Covariance of the coordinates of `noise_covariance` by unit noise: whole periods by doubling,
     then the rest of the time."""

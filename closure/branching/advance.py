@@ -107,7 +107,7 @@ def buffers(size: int, d: int) -> Buffers:
     return Buffers(empty(size, d), image, *codes, *numbers, *axes)
 
 
-@internal
+@splice
 def _slow(c: Constants, e: Floats, t: float, code: int, before: Floats) -> float:
     """Share of the squared impact speed that the noise of the flight makes; near 1 no Gaussian
     describes the return."""
@@ -233,7 +233,7 @@ def _examine(c: Constants, b: Buffers, i: int, level: Level) -> None:
     b.doubt[i] = tail_doubt
 
 
-@internal
+@splice
 def _doubles(c: Constants, ignored: int, centre: Floats, axis: Floats) -> bool:
     """Whether an outer third of a component would reach beyond a boundary whose tail was split off
     already.
@@ -295,10 +295,8 @@ def _cut(c: Constants, b: Buffers, i: int, count: int) -> int:
     return count + pieces - 1
 
 
-@jit
-def add_noise(
-    c: Constants, weight: Floats, mean: Floats, covariance: Floats, live: int, flown: Floats
-) -> float:
+@splice
+def _add_noise(c: Constants, start: Mixture, live: int, flown: Floats) -> float:
     """Add the noise of the next flight to the components, at its start; returns the weight that is
     discarded.
 
@@ -314,26 +312,32 @@ def add_noise(
         fastest = max(fastest, wheel.beta)
     discarded = 0.0
     for i in range(live):
-        t, code, _ = event(c, mean[i])
+        t, code, _ = event(c, start.mean[i])
         if code != 0 and t * fastest > DAMPED:
-            discarded += weight[i]
-            weight[i] = 0.0
+            discarded += start.weight[i]
+            start.weight[i] = 0.0
         elif code != 0:
-            noise = congruence(jacobian(c, -t), noise_covariance(c, mean[i, 0], t))
+            noise = congruence(jacobian(c, -t), noise_covariance(c, start.mean[i, 0], t))
             for m in range(states):
                 for n in range(states):
-                    covariance[i, 1 + m, 1 + n] += noise[m, n]
+                    start.covariance[i, 1 + m, 1 + n] += noise[m, n]
         flown[i] = t if code != 0 else 0.0
     return discarded
 
 
 @jit
-def fly(c: Constants, live: int, b: Buffers, level: Level) -> int:
-    """Propagate components to their next impact, splitting them where that is worth it.
+def fly(c: Constants, live: int, b: Buffers, level: Level, whole: Mixture) -> tuple[int, float]:
+    """Propagate components to their next impact, splitting them where that is worth it; returns
+    their number after that, and the weight that is discarded.
 
-    `b`: Components in ``b.start``, with the noise of the flight; their images are written to
-    ``b.image``.
+    `b`: Components in ``b.start``; their images are written to ``b.image``. `whole`: Takes the
+    components before they are split, with the noise of the flight.
     """
+    discarded = _add_noise(c, b.start, live, b.time)
+    for i in range(live):
+        whole.weight[i] = b.start.weight[i]
+        put_row(whole.mean[i], b.start.mean[i])
+        put(whole.covariance[i], b.start.covariance[i])
     error = b.error
     # seen: components examined already, except the last one that was split
     count = live
@@ -355,7 +359,7 @@ def fly(c: Constants, live: int, b: Buffers, level: Level) -> int:
             error[last] = 0.0
         if splits:
             count = _cut(c, b, last, count)
-    return count
+    return count, discarded
 
 
 @jit
@@ -457,15 +461,12 @@ class Advance:
         """Fly to the next impact; returns the components before they were split, with the noise of
         the flight."""
         b = self.buffers
-        start = b.start
         n = self.live
-        self.discarded += add_noise(
-            self.constants, start.weight, start.mean, start.covariance, n, b.time
-        )
         b.ignored[:n] = 0
         b.parent[:n] = np.arange(n)
-        whole = Mixture._make(part[:n].copy() for part in start)
-        self.flown = fly(self.constants, n, b, self.level)
+        whole = empty(n, b.start.mean.shape[1])
+        self.flown, endless = fly(self.constants, n, b, self.level, whole)
+        self.discarded += endless
         return whole
 
     def strike(self, own: int) -> None:

@@ -59,7 +59,7 @@ SLOWEST_IN_SPREADS = 2.0
 SLOWEST_ALONE = 1.0
 
 
-@internal
+@splice
 def _return(
     c: Constants, e: Floats, start: Floats, mesh: int, side: int, late: float, before: Floats
 ) -> tuple[float, Floats]:
@@ -188,7 +188,7 @@ def _boundary(
     return max(high, 1e-3), found
 
 
-@internal
+@splice
 def cut_plane(
     c: Constants,
     centre: Floats,
@@ -289,7 +289,7 @@ def _passing(
     return passing
 
 
-@internal
+@splice
 def own_spread(
     c: Constants, centre: Floats, axes: Floats, there: Floats, t: float, last: int
 ) -> float:
@@ -323,7 +323,7 @@ class Image(NamedTuple):
     crossing: Floats
 
 
-@internal
+@splice
 def _derivatives(
     c: Constants, code: int, centre: Floats, axes: Floats, t: float, before: Floats
 ) -> tuple[Floats, Floats]:
@@ -354,7 +354,7 @@ def _derivatives(
     return linear, curve
 
 
-@internal
+@splice
 def _most_bent(linear: Floats, curve: Floats) -> tuple[float, Floats]:
     """Largest ratio of second-order to first-order variance over the outputs, and the direction of
     that curvature."""
