@@ -318,7 +318,7 @@ def _intensity(c: Constants, source: int, i: int) -> float:
     return float(c.wheels[i].alone) if i == source else 0.0
 
 
-@internal
+@splice
 def _respond_own(c: Constants, source: int, v: Floats, lag: float, g: Floats) -> None:
     """Response of the coordinates to unit noise that acts on wheels themselves, a lag earlier.
 
@@ -416,7 +416,7 @@ def _over_periods(c: Constants, source: int, v: Floats, tau: float, t: float) ->
     return out
 
 
-@internal
+@splice
 def _stand_apart(c: Constants, t: float) -> Floats:
     """1 for each wheel whose noise is integrated apart from that of its parent, else 0: their
     dampings differ much over the time for which speeds last."""

@@ -6,7 +6,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from rattle.scene.compiled import inline, internal, jit, lean, lean_internal, not_inlined
+from rattle.scene.compiled import inline, internal, jit, lean, lean_internal, not_inlined, splice
 from rattle.scene.drive import acceleration, most_acceleration, most_jerk, most_velocity
 from rattle.scene.flight import displace, wheel_speeds
 from rattle.scene.linear_algebra import add_outer
@@ -244,7 +244,7 @@ def approach(
     return f, max(f, 0.0) + drift, max(-f, 0.0) + drift, jerk
 
 
-@internal
+@splice
 def _put_touching(
     c: Constants, high: Floats, low: Floats, moved: Floats, sides: Ints, slack: float
 ) -> int:

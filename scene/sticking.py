@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from rattle.scene import drive as motion
-from rattle.scene.compiled import internal, lean_internal, not_inlined
+from rattle.scene.compiled import internal, lean_internal, not_inlined, splice
 from rattle.scene.flight import flow, wheel_speeds
 from rattle.scene.impact import NONE, REST, TOUCH_STEP, approach, next_impact, safe_time
 from rattle.scene.linear_algebra import put_row
@@ -485,7 +485,7 @@ def _most_acceleration(c: Constants, tau: float, s: Floats) -> float:
     return _bound_accelerations(c, driver, bodies)
 
 
-@internal
+@splice
 def may_chatter(c: Constants, tau: float, s: Floats, mesh: int) -> bool:
     """Whether `complete_chatter` may sum up the impacts at a mesh that has just been struck, where
     no mesh is at rest: alone, or together with others that are as slow."""

@@ -39,7 +39,7 @@ from rattle.montecarlo.schemes.step_state import (
 )
 from rattle.montecarlo.schemes.sticking import is_any, leave_lifted, put_all
 from rattle.scene import Constants, Floats, InputError, Ints, Scene
-from rattle.scene.compiled import ZERO, internal, lean_internal, not_inlined
+from rattle.scene.compiled import ZERO, internal, lean_internal, not_inlined, splice
 from rattle.scene.drive import velocity_acceleration
 from rattle.scene.impact import strike
 from rattle.scene.orbit import find_touching
@@ -330,7 +330,7 @@ def _strike(tree: Tree, mesh: int, held: Ints) -> None:
         _put_closed(tree)
 
 
-@internal
+@splice
 def _leaf(
     tree: Tree, tau: float, offset: float, h: float, increment: float, hits: Floats, n: int
 ) -> int:
@@ -460,7 +460,7 @@ def _close_for_step(tree: Tree, tau: float) -> None:
     leave_lifted(c, tree.clock.h, room.sides, c.sigma, bodies)
 
 
-@internal
+@splice
 def _walk_tree(tree: Tree, path: Word, step: int, whole: Noise, hits: Floats) -> int:
     """Carry a path through a step that may meet a wall, halved until it does not or is a leaf, in
     place; returns the number of impacts."""

@@ -13,7 +13,7 @@ import numpy as np
 
 from rattle.montecarlo.schemes.short_flight import Phase
 from rattle.scene import Constants, Floats, Ints
-from rattle.scene.compiled import inline, internal
+from rattle.scene.compiled import inline, splice
 from rattle.scene.drive import sine_cosine
 from rattle.scene.impact import strike
 
@@ -104,7 +104,7 @@ def _put_speeds(c: Constants, driver: float, s: Floats, u: Floats) -> None:
             u[i] = wheel.ratio * u[wheel.parent] + s[2 * i + 1]
 
 
-@internal
+@splice
 def add_noise_work(
     c: Constants,
     rows: Floats,

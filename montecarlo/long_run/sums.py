@@ -15,7 +15,7 @@ from scipy.special import expit
 
 from rattle.montecarlo.long_run.noise_work import CONTROLS
 from rattle.scene import Constants, Floats, Ints
-from rattle.scene.compiled import inline, internal
+from rattle.scene.compiled import inline, internal, splice
 from rattle.scene.drive import PERIOD, velocity_acceleration
 from rattle.scene.impact import energy_loss
 
@@ -226,7 +226,7 @@ def _add_to_section(s: Sums, p: int, mesh: int, tau: float, y: float) -> None:
         s.section[p // s.together, mesh - 1, phase, int(place * VELOCITY_CELLS)] += np.uint32(1)
 
 
-@internal
+@splice
 def _add_states(
     c: Constants, states: Floats, modulated: Floats, walls: Floats, p: int, v: Floats, s: Sums
 ) -> None:
@@ -272,7 +272,7 @@ def _modulations(c: Constants, tau: float, apart: float, n: int) -> Floats:
     return out
 
 
-@internal
+@splice
 def add_stretch(
     c: Constants,
     rows: Floats,
@@ -342,7 +342,7 @@ def _add_meshes(main: Floats, first: int, columns: int, apart: int, wheels: int)
         main[column] = total
 
 
-@internal
+@splice
 def add_left_out(closed: Floats, s: Sums) -> None:
     """Add what is not followed at closed meshes to the sums of each path.
 

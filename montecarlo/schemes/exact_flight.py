@@ -343,7 +343,7 @@ def _put(ahead: Floats, top: int, length: float, noise: Noise) -> None:
     ahead[top, 2] = noise.area
 
 
-@inline
+@splice
 def advance_exactly(inside: Inside, met: int, at: Progress, phase: Phase) -> Moved:
     """Go to the next wall that the path meets in this step, or to the end of the step.
 

@@ -95,7 +95,7 @@ def close_only(code: int, scratch: Scratch) -> None:
     scratch.sides[abs(code) - 1] = due_side(code)
 
 
-@inline
+@splice
 def find_closed(c: Constants, at: Progress, scratch: Scratch, quiet: Quiet) -> float:
     """Write the meshes that are closed for what is left of a step: those that stick, or that noise
     moves too little to be followed; the bound on the rate of fast impacts that are not followed
@@ -116,7 +116,7 @@ def find_closed(c: Constants, at: Progress, scratch: Scratch, quiet: Quiet) -> f
     return _close_slow(c, at, scratch, quiet) if slow else -1.0
 
 
-@inline
+@splice
 def _close_slow(c: Constants, at: Progress, scratch: Scratch, quiet: Quiet) -> float:
     """`find_closed` where a gap is slow enough, and none is due for an impact."""
     spread = c.sigma
@@ -161,7 +161,7 @@ def _nearest_wall(scratch: Scratch, i: int) -> tuple[int, float]:
     return (1, above) if above <= below else (-1, below)
 
 
-@inline
+@splice
 def _find_touching(c: Constants, driver: Driver, scratch: Scratch, speed: float) -> None:
     """Write the meshes that rest at their wall, or bounce there below a speed, pressed by what acts
     on them while those above them touch."""
@@ -183,7 +183,7 @@ def _find_touching(c: Constants, driver: Driver, scratch: Scratch, speed: float)
             changed = True
 
 
-@inline
+@splice
 def _leave_shaken(c: Constants, scratch: Scratch) -> None:
     """Write the meshes that stick, without those of a wheel that also touches at a mesh that does
     not, which every impact there shakes; and the bodies that they make."""
@@ -303,7 +303,7 @@ def _bounce(
     return Bounce(mass, speed, push, later, power, more)
 
 
-@inline
+@splice
 def _hold_quiet(
     c: Constants,
     left: float,
@@ -367,7 +367,7 @@ def _hold_quiet(
     return total
 
 
-@inline
+@splice
 def _bound_fast(
     c: Constants,
     left: float,

@@ -17,7 +17,7 @@ from rattle.montecarlo.statistics.section_statistics import (
     undefined,
 )
 from rattle.scene import Floats, Ints
-from rattle.scene.compiled import inline, lean, lean_internal, widest_vectors
+from rattle.scene.compiled import inline, lean, lean_internal, splice, widest_vectors
 
 Strands = tuple[Floats, ...]
 
@@ -95,7 +95,7 @@ def product_sum(u: Floats, v: Floats, room: Floats) -> float:
     return _fold(room, n)
 
 
-@lean_internal
+@splice
 def power_sums(d: Floats, room: Floats, sums: Floats) -> None:
     """Sums of ``d^2`` to ``d^8`` in a fixed order; `room` has seven rows, each an eighth as long as
     d."""
