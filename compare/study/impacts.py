@@ -282,7 +282,7 @@ def _judge_points(study: Study, points: list[Triple], z: float) -> Iterator[Plac
                     for s in (prediction.section, run.followers.section)
                 ]
                 tables.append(
-                    follower_errors(prediction.followers, run.followers, study.within, *codes)
+                    follower_errors([prediction.followers], run.followers, study.within, *codes)
                 )
             for table in tables:
                 yield point.coordinates, to_absolute_time(judge_errors(table, z), run.scene)

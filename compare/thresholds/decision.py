@@ -152,7 +152,7 @@ def errors_of(prediction: NamedSection, run: Simulated, claim: Claim) -> pd.Data
     """
     if claim.kind == ON_ITINERARY:
         same = np.ones(claim.impacts[-1])
-        table = errors.follower_errors(prediction, run, NO_TOLERANCE, same, same)
+        table = errors.follower_errors([prediction], run, NO_TOLERANCE, same, same)
         if (few := table["remark"] == TOO_FEW_FOLLOW).any():
             fewer = f"claim fewer impacts than {table['impact'][few].iloc[0]}"
             why = f"{TOO_FEW_FOLLOW}; {fewer}, or kind={CLAIM_KINDS[0]!r}"

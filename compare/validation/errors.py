@@ -106,18 +106,27 @@ def list_errors(
 
 
 def itinerary_errors(
-    prediction: MeanMap, run: Ensemble, z: float, tolerances: Tolerances
+    predictions: Sequence[MeanMap], run: Ensemble, z: float, tolerances: Tolerances
 ) -> pd.DataFrame:
-    """`section_errors` of the paths alone that have followed the closure's itinerary up to each
-    impact.
+    """`section_errors` of the paths alone that have followed each closure's itinerary up to each
+    impact; closures of one itinerary are compared with the same paths.
 
     Returns: Rows as of `section_errors`, of kind ``itinerary``.  They are excluded where fewer
     than `HALF_OF_PATHS` of the paths follow it, and their remark says so.
     """
-    name = prediction.closure
-    on = followers_of(run, name)
-    own = np.array(run.plan.itineraries[name])
-    return judge_errors(follower_errors(prediction.on_itinerary(), on, tolerances, own, own), z)
+    by_itinerary: dict[tuple[int, ...], list[MeanMap]] = {}
+    for prediction in predictions:
+        followed = run.plan.itineraries[prediction.closure]
+        by_itinerary.setdefault(followed, []).append(prediction)
+    parts = []
+    for followed, those in by_itinerary.items():
+        on = followers_of(run, those[0].closure)
+        own = np.array(followed)
+        followers = [prediction.on_itinerary() for prediction in those]
+        parts.append(judge_errors(follower_errors(followers, on, tolerances, own, own), z))
+    order = [prediction.closure for prediction in predictions]
+    table = pd.concat(parts, ignore_index=True)
+    return table.iloc[table["closure"].map(order.index).argsort(kind="stable")]
 
 
 def followers_of(run: Ensemble, name: str = NOISE_FREE) -> Ensemble:
@@ -129,14 +138,18 @@ def followers_of(run: Ensemble, name: str = NOISE_FREE) -> Ensemble:
 
 
 def follower_errors(
-    prediction: Claimed, on: Simulated, tolerances: Tolerances, own: Floats, followed: Floats
+    predictions: Sequence[Claimed],
+    on: Simulated,
+    tolerances: Tolerances,
+    own: Floats,
+    followed: Floats,
 ) -> pd.DataFrame:
     """The rows of `itinerary_errors` before they are judged, of moments on an itinerary.
 
-    `own`, `followed`: ``mesh * side`` of the closure and of the paths apart, 0 where it has ended;
+    `own`, `followed`: ``mesh * side`` of the closures and of the paths apart, 0 where it has ended;
     (impacts,).
     """
-    table = list_errors([prediction], on, tolerances).assign(kind=ON_ITINERARY)
+    table = list_errors(predictions, on, tolerances).assign(kind=ON_ITINERARY)
     at = table["impact"] - 1
     other = np.logical_or.accumulate((own != followed) & (own != 0))
     few = (table["agreement"] < HALF_OF_PATHS) | other[at]

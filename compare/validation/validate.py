@@ -160,7 +160,7 @@ def validate(
     flights = np.searchsorted(orbit.tau[: orbit.found + 1], run.at_times().index.to_numpy(float))
     if scene.sigma > 0.0 and len(run.at_times()):
         parts += [errors.mid_flight_errors(m, run, flights, z, limits) for m in maps]
-    parts += [errors.itinerary_errors(m, run, widest(moments), limits) for m in maps]
+    parts.append(errors.itinerary_errors(maps, run, widest(moments), limits))
     table = pd.concat(parts, ignore_index=True).reindex(columns=TABLE_COLUMNS)
     raised = {name: m.stopped for name, m in predictions.items() if m.trace.raised}
     remarks = zip(table["closure"], table["remark"].fillna(""), strict=True)
