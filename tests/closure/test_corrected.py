@@ -5,9 +5,10 @@ import numpy as np
 import pytest
 from oracle import gearbox
 from reference_moments import stage_moments_after_flight
+from scenes import dat21
 
 from rattle.closure import follow, mean_map
-from rattle.scene import DAT21, Scene, Start, state_names
+from rattle.scene import Scene, Start, state_names
 
 PHI0 = 1 / math.sqrt(2 * math.pi)
 
@@ -26,8 +27,8 @@ def covariances(scene, orbit):
     return np.array(found)
 
 
-SCENES = {
-    "DAT21": Scene.from_gears(DAT21, sigma=0.3),
+CORRECTED = {
+    "DAT21": dat21(0.3),
     "unequal": Scene(
         alpha=0.8,
         epsilon=0.7,
@@ -41,15 +42,13 @@ SCENES = {
         sigma=0.2,
         start=Start(1.0, 0.2, 1.0, -0.4, 0.3, mesh=1),
     ),
-    "from mesh 2": Scene.from_gears(
-        DAT21, sigma=0.1, start=Start(0.4, 0.1, 0.9, -0.5, -1.0, mesh=2)
-    ),
+    "from mesh 2": dat21(0.1, start=Start(0.4, 0.1, 0.9, -0.5, -1.0, mesh=2)),
 }
 
 
-@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize("name", CORRECTED)
 def test_covariance_is_that_of_its_own_equation(name):
-    scene = SCENES[name]
+    scene = CORRECTED[name]
     exact = covariances(scene, follow(scene, 12))
     m = mean_map(scene, impacts=12, closure="corrected")
     found = m.trace.covariance
@@ -62,7 +61,7 @@ def test_covariance_is_that_of_its_own_equation(name):
 
 def test_raw_moments_of_a_stage_are_those_of_their_hierarchy():
     """Nothing Gaussian is assumed there; at an impact Eq. 15 with (-eps)^p."""
-    scene = Scene.from_gears(DAT21, sigma=0.3, stages=1)
+    scene = dat21(0.3, stages=1)
     box = gearbox(scene.constants)
     m = mean_map(scene, impacts=3, closure="corrected", order=6)
     raw = np.zeros((7, 7))
@@ -81,7 +80,7 @@ def test_raw_moments_of_a_stage_are_those_of_their_hierarchy():
 def test_an_impact_shifts_the_struck_mean_inward_by_phi_0_sd():
     """Eqs. 20, 21: the window ends at the struck wall and holds half of a Gaussian whose other wall
     is far."""
-    scene = Scene.from_gears(DAT21, sigma=0.01)
+    scene = dat21(0.01)
     orbit = follow(scene, 4)
     m = mean_map(scene, impacts=4, closure="corrected")
     assert set(orbit.mesh[1:]) == {1, 2}

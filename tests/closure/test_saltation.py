@@ -1,17 +1,15 @@
 """The saltation closure against simulation, at the impacts and between them."""
 
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 import pandas as pd
 import pytest
-from scenes import TREES, tree
+from scenes import FOUR, OSCILLATOR, dat21, tree
 
 from rattle import Record, follow, mean_map, simulate
-from rattle.scene import DAT21, Scene, Start, Tolerance, Wheel, section_names, state_names
+from rattle.scene import Scene, Start, Tolerance, section_names, state_names
 
-dat21 = partial(Scene.from_gears, DAT21)
 TOLERANCES = {
     "path, uniform": Tolerance(1e-3, 1e-3),
     "path, normal": Tolerance(1e-3, 2e-3, distribution="normal"),
@@ -19,23 +17,19 @@ TOLERANCES = {
     "contact, normal": Tolerance(2e-3, 1e-3, distribution="normal", draw="contact"),
     "fixed": Tolerance(1e-2, 2e-2, distribution="fixed"),
 }
-TOLERANT = {name: dat21(sigma=0.002, tolerance=tolerance) for name, tolerance in TOLERANCES.items()}
-HELD = Wheel(beta=0.2, gamma=0.1, gap=0.4, stiffness=2.0, one_sided=True, name="mass")
-BODIES = {
-    "noisy wheel 2": replace(tree((0, 1)), sigma=0.002, noise=2).phase_reduced,
-    "driven oscillator": Scene(
-        alpha=1.2,
-        epsilon=0.8,
-        sigma=0.002,
-        noise="mass",
-        wheels=[HELD],
-        start=Start(0.3, -0.05, 0.5),
-    ),
+TOLERANT_SCENES = {
+    name: dat21(0.002, tolerance=tolerance) for name, tolerance in TOLERANCES.items()
 }
-QUIET = {"DAT21": dat21(sigma=0.002), "one stage": dat21(sigma=0.002, stages=1)} | TOLERANT | BODIES
-SLOW = 0.2  # speed of an impact after which first order in the noise is not enough
+NOISY_BODIES = {
+    "noisy wheel 2": replace(tree((0, 1)), sigma=0.002, noise=2).phase_reduced,
+    "driven oscillator": OSCILLATOR.with_sigma(0.002),
+}
+QUIET_SCENES = (
+    {"DAT21": dat21(0.002), "one stage": dat21(0.002, stages=1)} | TOLERANT_SCENES | NOISY_BODIES
+)
+SLOW_IMPACT = 0.2  # speed of an impact after which first order in the noise is not enough
 # sds of the impact times that must fit between a fixed time and the impacts around it
-CLEAR = 6.0
+CLEARANCE = 6.0
 SHORT = 0.1  # a fixed time is a whole number of steps, and lies beside the middle of a flight
 LIMIT = 4.0  # standard errors; of at most 72 moments of a scene, Bonferroni at 0.5 %
 
@@ -47,19 +41,19 @@ def middles(scene):
     times = []
     for k in range(1, orbit.found + 1):
         half = 0.5 * (orbit.tau[k] - orbit.tau[k - 1])
-        if half < CLEAR * sd.loc[max(k - 1, 1) : k].max():
+        if half < CLEARANCE * sd.loc[max(k - 1, 1) : k].max():
             break
         if 2.0 * half > SHORT:
             times.append(orbit.tau[k] - half)
-        if np.abs(orbit.before[k, 2 * orbit.mesh[k] - 1]) < SLOW:
+        if np.abs(orbit.before[k, 2 * orbit.mesh[k] - 1]) < SLOW_IMPACT:
             break
     return times
 
 
-@pytest.fixture(scope="module", params=QUIET)
+@pytest.fixture(scope="module", params=QUIET_SCENES)
 def run(request):
     """Exact flights at sigma = 0.002, with their moments in the middle of flights."""
-    scene = QUIET[request.param]
+    scene = QUIET_SCENES[request.param]
     return simulate(scene, paths=40_000, rng=5, record=Record(times=middles(scene)))
 
 
@@ -70,7 +64,7 @@ def standard_errors(scene, run, prefixes, order=4):
     before = section[[f"y{mesh}" for mesh in range(1, scene.stages + 1)]].to_numpy()
     speed = np.abs(before[range(len(section)), section["mesh"] - 1])
     # the noise is small until times spread, or an impact all but grazes
-    small = (section["agreement"] == 1.0) & (section["sd_tau"] < 0.04) & (speed > SLOW)
+    small = (section["agreement"] == 1.0) & (section["sd_tau"] < 0.04) & (speed > SLOW_IMPACT)
     section = section[small.cummin()]
     predicted = mean_map(scene, impacts=12, order=order).section.loc[section.index]
     off = {}
@@ -88,7 +82,7 @@ def test_small_noise_section_moments(run):
     assert (off > 4.0).sum(axis=None) <= 1
     assert not (off > 6.0).any(axis=None)
     # negative control: another noise, or none of the tolerance
-    wrong = dat21(sigma=0.002) if run.scene.tolerance else run.scene.with_sigma(0.0022)
+    wrong = dat21(0.002) if run.scene.tolerance else run.scene.with_sigma(0.0022)
     assert (standard_errors(wrong, run, ("", "sd_")) > 6.0).any(axis=None)
 
 
@@ -112,17 +106,17 @@ def test_sds_between_impacts(run):
     assert (excess(run, scale=1.05) > LIMIT).any()
 
 
-SECOND = {
-    "noise": TREES["tree of 4"].with_sigma(0.02),
+OF_SECOND_ORDER = {
+    "noise": FOUR.with_sigma(0.02),
     "flanks": dat21(tolerance=Tolerance(2e-3, 2e-3, distribution="normal")),
 }
 """Noise and flanks for which second order exceeds the sampling error of paths of one itinerary."""
 
 
-@pytest.mark.parametrize("name", SECOND)
+@pytest.mark.parametrize("name", OF_SECOND_ORDER)
 def test_mean_shift_and_skewness_are_of_second_order(name):
     """Of about 60 values, Bonferroni at 0.5 %; negative control: first order has neither."""
-    scene = SECOND[name]
+    scene = OF_SECOND_ORDER[name]
     run = simulate(scene, paths=100_000, rng=11)
     assert standard_errors(scene, run, [""], order=3).max(axis=None) < 4.0
     assert standard_errors(scene, run, [""], order=2).max(axis=None) > 7.5

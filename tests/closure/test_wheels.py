@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from oracle import gearbox
-from scenes import TREES, tree
+from scenes import FOUR, TREES, dat21, tree
 
 from rattle.closure import Closure, closures_for, follow, mean_map
 from rattle.closure.section_map import (
@@ -15,11 +15,11 @@ from rattle.closure.section_map import (
     start_covariance,
     start_pieces,
 )
-from rattle.scene import DAT21, InputError, Scene, Start, Tolerance, state_names
+from rattle.scene import InputError, Start, Tolerance, state_names
 from rattle.scene.flight import flow
 from rattle.scene.orbit import Impacts
 
-IMPACTS = 12
+FOLLOWED = 12
 FORK = tree((0, 1, 1), sigma=1e-3)
 
 
@@ -56,8 +56,8 @@ def follow_covariance(scene, orbit, bends=True):
 
 
 LINEAR = {
-    "DAT21": Scene.from_gears(DAT21, sigma=0.1),
-    "tree of 4": TREES["tree of 4"],
+    "DAT21": dat21(0.1),
+    "tree of 4": FOUR,
     "tree of 7": TREES["tree of 7"],
 }
 
@@ -65,7 +65,7 @@ LINEAR = {
 @pytest.mark.parametrize("scene", LINEAR.values(), ids=LINEAR.keys())
 def test_saltation_is_the_linear_system_of_all_wheels(scene):
     """Sds by their own differential equation, to the digits that its integrator holds."""
-    orbit = follow(scene, IMPACTS).until_sticking
+    orbit = follow(scene, FOLLOWED).until_sticking
     assert orbit.found >= 6
     assert set(orbit.mesh[1 : orbit.found + 1]) >= set(range(1, min(scene.stages, 3) + 1))
     middles, sections = follow_covariance(scene, orbit)
@@ -84,7 +84,7 @@ def test_saltation_is_the_linear_system_of_all_wheels(scene):
 
 def test_derivatives_of_the_section_map_are_its_differences():
     """First and second ones by the state after an impact and by the noise, of four wheels."""
-    scene = TREES["tree of 4"]
+    scene = FOUR
     c = scene.constants
     orbit = follow(scene, 3)
     size = orbit.before.shape[1]
@@ -141,11 +141,9 @@ def test_a_closure_of_ones_own_predicts_every_wheel():
 
 
 def test_random_flanks_of_many_wheels_are_few_components_of_the_same_covariance():
-    wheels = [replace(wheel, tolerance=0.01) for wheel in TREES["tree of 4"].wheels]
+    wheels = [replace(wheel, tolerance=0.01) for wheel in FOUR.wheels]
     on_flank = [value for wheel in wheels for value in (wheel.gap, -1.0)]
-    scene = replace(
-        TREES["tree of 4"], wheels=wheels, tolerance=Tolerance(), start=Start(0.1, state=on_flank)
-    )
+    scene = replace(FOUR, wheels=wheels, tolerance=Tolerance(), start=Start(0.1, state=on_flank))
     parts = start_pieces(scene)
     assert len(parts.weight) <= MOST_COMBINATIONS
     off = parts.mean - parts.weight @ parts.mean

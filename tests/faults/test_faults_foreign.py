@@ -11,7 +11,7 @@ from commands import rattle, study
 from studies import CELLS_FOLDER, LOG_FILE
 from test_faults_commands import WRITERS
 
-TEXT = study(paths=64)
+SMALL_STUDY = study(paths=64)
 COMMITTED = Path(__file__).parents[2] / "reports"
 THEIRS = {
     "study.toml": study(title="their own"),
@@ -39,7 +39,7 @@ def everything(folder):
 
 @pytest.fixture
 def file(tmp_path):
-    (tmp_path / "noise.toml").write_text(TEXT)
+    (tmp_path / "noise.toml").write_text(SMALL_STUDY)
     return tmp_path / "noise.toml"
 
 

@@ -17,7 +17,7 @@ from rattle.scene import RattleError, Scene, state_names
 from rattle.scene.flight import field
 from rattle.scene.long_orbit import LongOrbit
 
-APART = 1e6
+FAR_APART = 1e6
 MAY_REFUSE = frozenset({"dt", "record.times", "start.mesh"})
 """Settings that do not suit a scene, where they are given; `published` takes no start in flight."""
 
@@ -136,7 +136,7 @@ def _of_covariances(m: MeanMap, n: int) -> None:
     scales = sd[:, 2:] + np.reshape(rate, (n, 2 * m.scene.stages)) * sd[:, :1]
     semidefinite(m.trace.covariance[1 : n + 1][well], scales[well])
     for scale in scales[~well & (found["flight"] >= 0.0)]:
-        must(scale.max() > APART * scale[scale > 0.0].min(), "not realizable", scales)
+        must(scale.max() > FAR_APART * scale[scale > 0.0].min(), "not realizable", scales)
 
 
 def _at_times(m: MeanMap) -> None:

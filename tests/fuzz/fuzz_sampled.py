@@ -23,7 +23,7 @@ OVERSHOOTS = ("euler-maruyama",)
 """Schemes that detect walls at the end of a step only, so that a stage may be left beyond its wall
 there."""
 CORRELATION = 1.0 + 1e-12
-LEAST = {"": (2, 0, 0), "sd_": (3, 0, 2), "skew_": (3, 3, 6), "kurt_": (4, 4, 8)}
+FEWEST_PATHS = {"": (2, 0, 0), "sd_": (3, 0, 2), "skew_": (3, 3, 6), "kurt_": (4, 4, 8)}
 """Fewest paths for the standard error of a moment; powers of the sd that divide the moment, and its
 error."""
 
@@ -124,9 +124,9 @@ def unexplained(run: Ensemble) -> dict[str, Any]:
 
     A number may be missing where nothing has it (a second stage of a single one; an impact that no
     path had, which ``paths`` tells), a standard error where so few paths of a random scene have the
-    impact that they tell none (`LEAST`), a skewness, kurtosis, their errors and a correlation where
-    a quantity does not vary (its sd is 0), or so little that the power of the sd that divides them
-    is no float.
+    impact that they tell none (`FEWEST_PATHS`), a skewness, kurtosis, their errors and a
+    correlation where a quantity does not vary (its sd is 0), or so little that the power of the sd
+    that divides them is no float.
     """
     table = run.section
     paths = table["paths"].to_numpy()
@@ -134,7 +134,7 @@ def unexplained(run: Ensemble) -> dict[str, Any]:
     sd = np.sqrt(np.nan_to_num(run.result.sums["section"].moment(2, 0)))
     may = dict.fromkeys(("mesh", "side", "agreement", "paths"), few[0])
     for i, q in enumerate(own(run.scene)):
-        for prefix, (least, power, se_power) in LEAST.items():
+        for prefix, (least, power, se_power) in FEWEST_PATHS.items():
             may[prefix + q] = sd[:, i] ** power <= FAINTEST
             may["se_" + prefix + q] = few[least] | (sd[:, i] ** se_power <= FAINTEST)
     for stage in range(1, run.scene.stages + 1):
@@ -188,11 +188,11 @@ def of_its_paths(scene: Scene, raw: Any, name: str) -> None:
 
 
 # paths, flights of each, and times in a flight that are checked
-PATHS = 3
+CHECKED_PATHS = 3
 FLIGHTS = 8
 INSTANTS = 16
 CLOSE = 1e-7  # admissible error of exact flights, relative to gap and speed
-STEPS = 4.0  # admissible error of the Euler schemes, in steps
+STEPS_OFF = 4.0  # admissible error of the Euler schemes, in steps
 
 
 def follows_the_flow(run: Ensemble) -> None:
@@ -203,7 +203,7 @@ def follows_the_flow(run: Ensemble) -> None:
     dt = 0.0 if run.scheme == "exact-flight" else run.dt
     late = dt if run.scheme in OVERSHOOTS else 0.0  # an impact may be
     known = scene.tolerance is None or scene.tolerance.distribution == "fixed"
-    for rows in np.asarray(run.raw)[:PATHS]:
+    for rows in np.asarray(run.raw)[:CHECKED_PATHS]:
         before = (scene.phase, scene.start_state, scene.start.mesh) if known else None
         for tau, flight, *end, code in rows[~np.isnan(rows[:, 0])][:FLIGHTS]:
             state = np.array(end)
@@ -236,7 +236,7 @@ def _one_flight(
     speed = max(abs(state[1::2]).sum(), met) + drawn * flight
     rate = c.alpha + (1.0 + beta.sum()) * drawn  # of an acceleration
     blurred = 4.0 * np.spacing(abs(tau) + flight)  # of a flight that is the difference of two times
-    changed = STEPS * dt * (drawn + rate * flight)
+    changed = STEPS_OFF * dt * (drawn + rate * flight)
     wrong_y = changed + CLOSE * speed + blurred * drawn
     wrong_x = changed * (flight + dt) + CLOSE * speed * flight + (late + blurred) * speed
     walls = np.array(scene.windows)

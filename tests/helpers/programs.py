@@ -6,10 +6,10 @@ import re
 import shutil
 import subprocess
 import sys
-from pathlib import Path
+
+from places import ROOT
 
 LONG = 600  # seconds that nothing here takes, however busy the machine
-ROOT = Path(__file__).resolve().parents[2]
 
 
 def install(place):

@@ -7,9 +7,9 @@ within a function.
 
 import ast
 from collections.abc import Iterator
-from pathlib import Path
 
-ROOT = Path(__file__).resolve().parents[2]
+from places import ROOT
+
 PACKAGES = ("scene", "closure", "montecarlo", "compare")
 
 

@@ -4,7 +4,7 @@ path's own noise."""
 from dataclasses import replace
 
 import numpy as np
-from scipy import stats
+from scenes import dat21
 
 from rattle.closure import follow
 from rattle.montecarlo import Ensemble, Record, simulate
@@ -12,25 +12,10 @@ from rattle.montecarlo.kernel.block import BLOCK
 from rattle.montecarlo.kernel.blocks import in_threads
 from rattle.montecarlo.long_run.walk import Walk
 from rattle.montecarlo.noise.philox import BRIDGE, STEP, Key, key_of, normals
-from rattle.scene import DAT21, Scene, Start, Tolerance
+from rattle.scene import Scene, Start, Tolerance
 from rattle.scene.compiled import jit
 
 __all__ = ["BLOCK", "Walk", "in_threads", "key_of"]  # of the package, for several tests
-
-FALSE_ALARM = 1e-3
-"""Chance that a whole family of z-scores of a correct program fails, before its seed was fixed."""
-
-
-def limit(checks: int) -> float:
-    """Largest |z| allowed among so many z-scores (Bonferroni)."""
-    return float(stats.norm.isf(0.5 * FALSE_ALARM / checks))
-
-
-def agrees(value, truth, se, slack=0.0) -> bool:
-    """Whether all values lie within the corrected limit of the truth, after a stated systematic
-    `slack`."""
-    value, truth, se, slack = np.broadcast_arrays(value, truth, se, slack)
-    return bool((np.abs(value - truth) <= limit(value.size) * se + slack).all())
 
 
 def stepped(scene: Scene, record: Record | None = None, **settings) -> Ensemble:
@@ -44,9 +29,8 @@ def stepped(scene: Scene, record: Record | None = None, **settings) -> Ensemble:
     )
 
 
-def dat21(sigma: float = 0.0, **settings) -> Scene:
-    """The paper's scene."""
-    return Scene.from_gears(DAT21, sigma=sigma, **settings)
+NOISY = dat21(0.1)
+"""With a rare branch at impact 3."""
 
 
 def open_space(sigma: float, **changes) -> Scene:

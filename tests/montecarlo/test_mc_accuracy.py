@@ -3,13 +3,11 @@ not given."""
 
 import numpy as np
 import pytest
-from mc_checks import dat21
+from scenes import SECTION, dat21
 
 from rattle import Sampling
 from rattle.montecarlo import SCHEMES, Record, simulate, simulate_to
-from rattle.scene import InputError, Scene, Tolerance, section_names
-
-SECTION = list(section_names(2))
+from rattle.scene import InputError, Scene, Tolerance
 
 
 @pytest.mark.parametrize(

@@ -8,23 +8,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from mc_checks import agrees
-from scenes import tree
+from limits import agrees
+from scenes import OSCILLATOR, tree
 
 from rattle import simulate
 from rattle.montecarlo.long_run import long_run
 from rattle.scene import Scene, Start, Wheel
 
-MASS = Wheel(beta=0.2, gamma=0.1, gap=0.4, stiffness=2.0, name="mass")
-SCENES = {
-    "oscillator on a table": Scene(
-        alpha=1.2,
-        epsilon=0.8,
-        sigma=0.3,
-        noise="mass",
-        wheels=[MASS],
-        start=Start(0.3, -0.05, 0.5),
-    ),
+NOISY_SCENES = {
+    "oscillator on a table": OSCILLATOR.with_sigma(0.3),
     "second of two wheels": replace(tree((0, 1)), sigma=0.3, noise=2),
     "wheel that drives two": replace(tree((0, 1, 1)), sigma=0.3, noise=1),
     "drive and both wheels": replace(tree((0, 1)), sigma=0.2, noise={"drive": 1, 1: 0.5, 2: 2.0}),
@@ -37,9 +29,9 @@ def moments(scene, scheme, seed):
     return table[table["quantity"].isin(["flight", "y1"])]
 
 
-@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize("name", NOISY_SCENES)
 def test_schemes_agree(name):
-    scene = SCENES[name]
+    scene = NOISY_SCENES[name]
     exact = moments(scene, "exact-flight", 1)
     noisier = moments(scene.with_sigma(1.2 * scene.sigma), "exact-flight", 1)  # negative control
     for scheme in ("euler-maruyama", "euler-maruyama-located"):

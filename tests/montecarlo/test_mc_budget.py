@@ -9,7 +9,8 @@ import logging
 import re
 
 import pytest
-from mc_checks import BLOCK, dat21, in_threads
+from mc_checks import BLOCK, in_threads
+from scenes import dat21
 
 from rattle import Sampling
 from rattle.montecarlo import AccuracyWarning, simulate, simulate_to

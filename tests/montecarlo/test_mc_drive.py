@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from mc_checks import open_space
 from oracle import gearbox
-from scenes import ORDERS, TREES
+from scenes import FOUR, ORDERS, OSCILLATOR, dat21
 
-from rattle import DAT21, Record, Sampling, Scene, Start, Wheel, mean_map, simulate
+from rattle import Record, Sampling, Scene, mean_map, simulate
 from rattle.montecarlo import SCHEMES
 from rattle.scene import state_names
 
@@ -43,19 +43,12 @@ def test_without_walls_the_covariance_is_that_of_the_linear_system(scheme, theta
 
 
 SMALL_NOISE = {
-    "orders": Scene.from_gears(DAT21, drive=ORDERS),
-    "short memory": Scene.from_gears(DAT21, correlation_time=0.1),
-    "orders and memory": Scene.from_gears(DAT21, drive=ORDERS, correlation_time=1.0),
-    "long memory": Scene.from_gears(DAT21, correlation_time=10.0),
-    "tree": TREES["tree of 4"],
-    "a body's own memory": Scene(
-        alpha=1.2,
-        epsilon=0.8,
-        noise=1,
-        correlation_time=0.5,
-        wheels=[Wheel(beta=0.2, stiffness=2.0, one_sided=True)],
-        start=Start(0.3, -0.05, 0.5),
-    ),
+    "orders": dat21(drive=ORDERS),
+    "short memory": dat21(correlation_time=0.1),
+    "orders and memory": dat21(drive=ORDERS, correlation_time=1.0),
+    "long memory": dat21(correlation_time=10.0),
+    "tree": FOUR,
+    "a body's own memory": replace(OSCILLATOR, correlation_time=0.5),
 }
 
 

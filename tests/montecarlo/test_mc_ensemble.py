@@ -3,29 +3,28 @@ a run costs."""
 
 import numpy as np
 import pytest
-from mc_checks import dat21
 from mc_checks import stepped as simulate
+from scenes import SECTION, dat21
 from scipy import stats
+from settings import STEP_BIAS
 
 from rattle import Sampling, mean_map
 from rattle.montecarlo import Record
 from rattle.montecarlo import simulate as simulate_exactly
 from rattle.scene import InputError
 
-SECTION = ("tau", "flight", "x1", "y1", "x2", "y2")
-IMPACTS = 5
-STEP_BIAS = Record(step_bias=True)
+RECORDED_IMPACTS = 5
 
 
 @pytest.fixture(scope="module")
 def run():
     kept = {"raw": True, "histogram": True, "energy": True}
     record = Record(times=[0.3, 1.0, 2.0], **kept)
-    return simulate(dat21(0.3), paths=3000, impacts=IMPACTS, dt=5e-3, rng=7, record=record)
+    return simulate(dat21(0.3), paths=3000, impacts=RECORDED_IMPACTS, dt=5e-3, rng=7, record=record)
 
 
 def test_tables_have_the_columns_of_a_closure_and_their_errors(run):
-    m = mean_map(run.scene, impacts=IMPACTS)
+    m = mean_map(run.scene, impacts=RECORDED_IMPACTS)
     errors = {f"se_{p}{q}" for p in ("", "sd_", "skew_", "kurt_") for q in SECTION}
     assert {*m.section, *errors, "paths", "agreement"} - set(run.section) == {"realizable"}
     fixed = run.at_times([2.0, 0.3])

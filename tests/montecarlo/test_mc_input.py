@@ -4,17 +4,17 @@ import math
 from dataclasses import replace
 
 import pytest
-from mc_checks import dat21
 from mc_checks import stepped as simulate
-from settings import recorded
+from scenes import dat21
+from settings import LOCATED, recorded
 
 from rattle.montecarlo import Sampling, largest_step, simulate_rare, simulate_to
 from rattle.scene import InputError, Order, Scene, Start, Tolerance, Wheel
 
-ORDERS = dat21(0.1, drive=(Order(50),))
-MEMORY, SHORT = (dat21(0.1, correlation_time=theta) for theta in (1.0, 0.01))
+FAST_ORDER = dat21(0.1, drive=(Order(50),))
+LONG_MEMORY, SHORT = (dat21(0.1, correlation_time=theta) for theta in (1.0, 0.01))
 EIGHT = Scene(alpha=1.0, epsilon=0.5, wheels=[Wheel(beta=0.1, gamma=0.1)] * 8)
-BAD = {
+BAD_SETTINGS = {
     "no paths": ({"paths": 0}, "paths = 0: must be at least 1"),
     "no step": ({"dt": 0.0}, "dt = 0.0: must be greater than 0"),
     "a step in which nothing moves": (
@@ -58,7 +58,7 @@ BAD = {
     ),
     "an itinerary that is none": ({"itineraries": {"mine": 5}}, "itineraries"),
     "a control with a memory": (
-        {"scene": MEMORY, "control": True, "scheme": "exact-flight"},
+        {"scene": LONG_MEMORY, "control": True, "scheme": "exact-flight"},
         "for white noise only",
     ),
     "a step beyond the memory": (
@@ -66,7 +66,7 @@ BAD = {
         "at most 0.001: a longer step cannot follow the memory",
     ),
     "a step beyond the orders": (
-        {"scene": ORDERS, "dt": 0.01, "scheme": "exact-flight"},
+        {"scene": FAST_ORDER, "dt": 0.01, "scheme": "exact-flight"},
         "cannot follow the noise's modulation",
     ),
 }
@@ -78,9 +78,9 @@ def simulated(**settings):
     )
 
 
-@pytest.mark.parametrize("case", BAD)
+@pytest.mark.parametrize("case", BAD_SETTINGS)
 def test_bad_input_is_refused_before_any_block_runs(case, monkeypatch):
-    settings, words = BAD[case]
+    settings, words = BAD_SETTINGS[case]
     for name in ("kernel.blocks.run", "settings.sample"):
         monkeypatch.setattr(f"rattle.montecarlo.{name}", lambda *_: pytest.fail("work was done"))
     with pytest.raises(InputError, match=words):
@@ -88,17 +88,16 @@ def test_bad_input_is_refused_before_any_block_runs(case, monkeypatch):
 
 
 NARROW = {"beta1": 20.0, "gap1": 1e-9}
-EULER = "euler-maruyama-located"
-LIMITS = [
-    ({"beta1": 20.0}, EULER, 0.05, "a longer step makes the damping unstable"),
-    ({}, EULER, math.pi / 10.0, "a longer step cannot follow the excitation"),
+STEP_LIMITS = [
+    ({"beta1": 20.0}, LOCATED, 0.05, "a longer step makes the damping unstable"),
+    ({}, LOCATED, math.pi / 10.0, "a longer step cannot follow the excitation"),
     ({"beta1": 20.0}, "exact-flight", 0.01, "a longer step cannot follow the damping"),
     (NARROW, "exact-flight", 1e-9, "a longer step holds too many impacts"),
 ]
 STEADY = Scene(alpha=0.0, epsilon=0.9, beta1=0.1, gamma1=0.0, stages=1, start=Start(0.0, 0.0, 1e-3))
 
 
-@pytest.mark.parametrize(("change", "scheme", "limit", "why"), LIMITS)
+@pytest.mark.parametrize(("change", "scheme", "limit", "why"), STEP_LIMITS)
 def test_step_is_limited_by_damping_excitation_and_the_impacts_that_it_may_hold(
     change, scheme, limit, why
 ):
@@ -109,18 +108,18 @@ def test_step_is_limited_by_damping_excitation_and_the_impacts_that_it_may_hold(
         simulated(scene=scene, scheme=scheme, dt=1.02 * limit)
 
 
-RATE = math.hypot(1.0, dat21().beta1)  # of the drive
-CLOSE = Start(0.0, 0.1, 2.0, 0.5, 2.0, mesh=1)
+DRIVE_RATE = math.hypot(1.0, dat21().beta1)  # of the drive
+CLOSE_START = Start(0.0, 0.1, 2.0, 0.5, 2.0, mesh=1)
 
 
 @pytest.mark.parametrize(
     ("change", "limit"),
     [
-        ({"gap1": 0.1, "start": CLOSE}, 0.025),
-        ({"sigma": 35.0}, 0.25 * (0.5 / (35.0 * RATE)) ** (2.0 / 3.0)),
+        ({"gap1": 0.1, "start": CLOSE_START}, 0.025),
+        ({"sigma": 35.0}, 0.25 * (0.5 / (35.0 * DRIVE_RATE)) ** (2.0 / 3.0)),
         # dragged across the half gap the path is as fast as sqrt(4 gamma g)
         ({"gamma1": 50.0}, 0.25 / 10.0),
-        ({"alpha": 40.0}, 0.25 / math.sqrt(80.0 * RATE)),
+        ({"alpha": 40.0}, 0.25 / math.sqrt(80.0 * DRIVE_RATE)),
         ({"tolerance": Tolerance(0.1, 0.3)}, 0.25 * 0.2),
     ],
 )
@@ -149,7 +148,7 @@ def test_run_that_could_not_end_is_refused_or_given_up_early():
 
 def test_rare_branches_are_of_white_noise():
     with pytest.raises(InputError, match="with white noise only"):
-        simulate_rare(MEMORY, paths=10, impacts=2)
+        simulate_rare(LONG_MEMORY, paths=10, impacts=2)
 
 
 def test_an_accuracy_chooses_how_paths_are_sampled():

@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 import pytest
-from mc_checks import limit
+from limits import limit
 
 from rattle.montecarlo.noise.brownian import Noise
 from rattle.montecarlo.noise.philox import key_of

@@ -6,22 +6,22 @@ import math
 
 import numpy as np
 import pytest
-from mc_checks import agrees
+from limits import agrees
 
 from rattle import mean_map, simulate
 from rattle.montecarlo.long_run import long_run
 from rattle.scene import Scene, Start, Wheel
 
-KINDS = ("ball", "oscillator with one wall", "oscillator with two walls", "pair")
+KINDS_OF_BODIES = ("ball", "oscillator with one wall", "oscillator with two walls", "pair")
 SETS = 3  # of each kind
-FAINT = 1e-9  # noise over the speed, in which a chaotic ball too is linear for three impacts
+FAINT_SHARE = 1e-9  # noise over the speed, in which a chaotic ball too is linear for three impacts
 
 
 def draw(kind, number, most_stiffness=300.0):
     """A body at the same random place of its ranges whatever the most that a spring may have; its
     noise, of the drive, its own or both, adds a speed of 3 to 100 % of that of its start in a unit
     of time."""
-    rng = np.random.default_rng([7, KINDS.index(kind), number])
+    rng = np.random.default_rng([7, KINDS_OF_BODIES.index(kind), number])
 
     def size(least, most):
         return 10.0 ** rng.uniform(math.log10(least), math.log10(most))
@@ -51,7 +51,7 @@ def draw(kind, number, most_stiffness=300.0):
 
 def scenes(**ranges):
     """All sets of all kinds."""
-    return [draw(kind, number, **ranges) for kind in KINDS for number in range(SETS)]
+    return [draw(kind, number, **ranges) for kind in KINDS_OF_BODIES for number in range(SETS)]
 
 
 def test_every_kind_of_noise_is_drawn():
@@ -64,7 +64,7 @@ def test_sampling_agrees_with_the_closure_at_small_noise():
     """Means and sds of as many of three impacts as all paths have; 10 % more noise is seen."""
     found = []
     for scene in scenes():
-        faint = scene.with_sigma(FAINT * abs(scene.start.y1))
+        faint = scene.with_sigma(FAINT_SHARE * abs(scene.start.y1))
         predicted = mean_map(faint, impacts=3, order=2).section
         sampled = simulate(faint, paths=4096, impacts=3, rng=11).section
         for k in sampled.index[sampled["agreement"] == 1.0]:
@@ -72,12 +72,12 @@ def test_sampling_agrees_with_the_closure_at_small_noise():
                 found.append([table.at[k, name] for table in (sampled, predicted)])
                 found[-1] += [sampled.at[k, f"se_{name}"], name.startswith("sd_")]
     value, truth, se, is_sd = np.transpose(found)
-    assert len(found) > 8 * len(KINDS) * SETS
+    assert len(found) > 8 * len(KINDS_OF_BODIES) * SETS
     assert agrees(value, truth, se)
     assert not agrees(value, truth * (1.0 + 0.1 * is_sd), se)
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", KINDS_OF_BODIES)
 def test_exact_flights_agree_with_fine_steps(kind):
     """Means and sds of flights and impact speeds, extrapolated to steps of length 0; a fifth more
     noise is seen.  Springs are soft: a stiff one gains energy by explicit steps."""

@@ -9,13 +9,13 @@ import mpmath
 import numpy as np
 import pytest
 from oracle import Sine, gearbox
-from scenes import ORDERS, TREES, tree
+from scenes import FOUR, ORDERS, dat21, tree
 from scipy.integrate import solve_ivp
 
 from rattle.closure import mean_map
 from rattle.compare.study.design import read_axes
 from rattle.compare.study.parameters import find_parameter
-from rattle.scene import DAT21, InputError, Order, Scene, Start, Wheel
+from rattle.scene import InputError, Order, Scene, Start, Wheel
 from rattle.scene.changes import change, parameter_names
 from rattle.scene.flight import field, field_rate, flow, jacobian, noise_covariance
 from rattle.scene.impact import energy_loss
@@ -45,11 +45,11 @@ OSCILLATORS = {
 }
 BODIES = OSCILLATORS | {
     "noise on the second of two wheels": replace(tree((0, 1)), sigma=0.1, noise=2),
-    "noise on a wheel that drives two": replace(TREES["tree of 4"], noise="2"),
+    "noise on a wheel that drives two": replace(FOUR, noise="2"),
 }
 SHAKEN = {
     "table and body": replace(OSCILLATORS["one wall"], noise={"drive": 1.0, 1: 0.5}),
-    "by number and name": replace(TREES["tree of 4"], noise={"drive": 1, 1: 0.2, "3": 0.5}),
+    "by number and name": replace(FOUR, noise={"drive": 1, 1: 0.2, "3": 0.5}),
 }
 
 
@@ -70,9 +70,25 @@ def response(beta, stiffness, t):
 
 
 CRITICAL = [2.0 * (1.0 + off) for off in (0.0, 3e-16, -4e-16, 1e-14, -1e-10, 1e-7, -1e-5, 1e-3)]
-DAMPINGS = (0.0, 1e-9, 1e-3, 1.0, *CRITICAL, 3.0, 1e3)  # over the root of the stiffness
-TIMES = (1e-12, 1e-6, 1e-3, 0.1, 0.5, 0.99, 1.0, 3.0, 10.0, 100.0, 1e3, -1e-12, -1e-3, -0.5, -5.0)
-CHANGE = 1e-8
+DAMPING_RATIOS = (0.0, 1e-9, 1e-3, 1.0, *CRITICAL, 3.0, 1e3)  # over the root of the stiffness
+RESPONSE_TIMES = (
+    1e-12,
+    1e-6,
+    1e-3,
+    0.1,
+    0.5,
+    0.99,
+    1.0,
+    3.0,
+    10.0,
+    100.0,
+    1e3,
+    -1e-12,
+    -1e-3,
+    -0.5,
+    -5.0,
+)
+INPUT_CHANGE = 1e-8
 """Relative change of an input that shows how much its rounding changes the response."""
 
 
@@ -80,7 +96,7 @@ def worst_response(planted=1.0):
     """The largest error of a response, in units of what the rounding of its inputs and of itself
     changes; `planted` is a factor on the damping."""
     worst = 0.0
-    for stiffness, damping, t in product((1e-6, 1.0, 37.0, 1e4), DAMPINGS, TIMES):
+    for stiffness, damping, t in product((1e-6, 1.0, 37.0, 1e4), DAMPING_RATIOS, RESPONSE_TIMES):
         beta = damping * math.sqrt(stiffness)
         if t < 0.0 and (beta + math.sqrt(stiffness)) * abs(t) > 100.0:
             continue
@@ -90,8 +106,8 @@ def worst_response(planted=1.0):
         sizes = (growth * min(abs(t), stiffness**-0.5), growth, 0.0)
         unit = np.maximum(np.abs(exact), sizes)
         for i in range(3):
-            changed, _ = response(*inputs * (1.0 + CHANGE * np.eye(3)[i]))
-            unit += np.abs(np.subtract(changed, exact)) / CHANGE
+            changed, _ = response(*inputs * (1.0 + INPUT_CHANGE * np.eye(3)[i]))
+            unit += np.abs(np.subtract(changed, exact)) / INPUT_CHANGE
         error = np.abs(np.subtract(sprung(planted * beta, stiffness, t), exact))
         worst = max(worst, (error / np.maximum(1e-16 * unit, 1e-290)).max())
     return worst
@@ -273,7 +289,7 @@ def test_the_intensity_of_one_noise_of_several_is_a_value():
     assert change(scene, {"noise.1": 0.7}) == replace(scene, noise={"drive": 1.0, 1: 0.7})
 
 
-BALL = {"gamma": 1.0, "one_sided": True, "name": "ball"}
+BALL_VALUES = {"gamma": 1.0, "one_sided": True, "name": "ball"}
 ON_SPRING = Wheel(stiffness=2.0, name="mass")
 ANY = Wheel(name="any")
 REFUSED = {
@@ -326,7 +342,7 @@ REFUSED = {
 )
 def test_what_cannot_be_is_refused(body, scene, field, value, remedy):
     with pytest.raises(InputError, match=remedy) as caught:
-        Scene(**({"alpha": 0.0, "epsilon": 0.8, "wheels": [Wheel(**BALL | body)]} | scene))
+        Scene(**({"alpha": 0.0, "epsilon": 0.8, "wheels": [Wheel(**BALL_VALUES | body)]} | scene))
     assert caught.value.field == field
     assert value is None or caught.value.value == value
 
@@ -376,7 +392,7 @@ def test_a_value_of_a_body_by_its_name(name):
 
 
 def test_gears_with_noise_on_a_wheel_are_gears():
-    scene = Scene.from_gears(DAT21, sigma=0.1, noise=2)
+    scene = dat21(0.1, noise=2)
     assert scene.words.wheel == "wheel"
     plain = replace(scene, gears=None)
     assert [Scene.from_toml(s.to_toml()) for s in (scene, plain)] == [scene, plain]
@@ -384,7 +400,9 @@ def test_gears_with_noise_on_a_wheel_are_gears():
 
 @pytest.mark.parametrize("closure", ["published", "corrected"])
 def test_the_closures_of_the_paper_are_for_gears(closure):
-    scene = Scene(alpha=0.0, epsilon=0.8, wheels=[Wheel(**BALL)], start=Start(0.0, 0.0, -3.0))
+    scene = Scene(
+        alpha=0.0, epsilon=0.8, wheels=[Wheel(**BALL_VALUES)], start=Start(0.0, 0.0, -3.0)
+    )
     with pytest.raises(InputError, match=f"{closure} is the paper's") as caught:
         mean_map(scene, impacts=2, closure=closure)
     assert caught.value.field == "scene"

@@ -6,20 +6,20 @@ import pandas as pd
 import pytest
 from commands import rattle
 
-FILES = (
+CHAOS_FILES = (
     "manifest.json chaos.md chaos.html"
     " section.svg spectra.svg sweep.svg bifurcation.svg finite_size.svg sqrt_law.svg"
     " exponents.csv mean_maps.csv lines.csv spectra_summary.csv fsle.csv crossings.csv sqrt_law.csv"
     " sweep.csv sections.parquet spectra.parquet bifurcation.parquet"
 )
-SMALL = "chaos --points 2000 --impacts 40000 --events 300 --width 0.2"
+SMALL_CHAOS = "chaos --points 2000 --impacts 40000 --events 300 --width 0.2"
 
 
 @pytest.mark.slow
 def test_a_folder_of_chaos_is_whole_and_said_in_a_few_lines(tmp_path):
     out = tmp_path / "chaos"
-    done = rattle(f"{SMALL} --over alpha=0.3:1.5:3 --out {out}")
-    assert {path.name for path in out.iterdir()} == set(FILES.split())
+    done = rattle(f"{SMALL_CHAOS} --over alpha=0.3:1.5:3 --out {out}")
+    assert {path.name for path in out.iterdir()} == set(CHAOS_FILES.split())
     assert all(path.stat().st_size < 300_000 for path in out.glob("*.svg"))
     exponents = pd.read_csv(out / "exponents.csv")
     sweep = pd.read_csv(out / "sweep.csv")
@@ -37,7 +37,7 @@ def test_one_stage_and_weak_noise_say_what_is_missing(tmp_path):
     values = "alpha = 1.5\nepsilon = 0.9\nbeta1 = 0.083\ngamma1 = 0.057\nsigma = 0.01\nstages = 1"
     scene.write_text(f"[scene]\n{values}\n")
     out = tmp_path / "out"
-    assert "too weak" in rattle(f"{SMALL} {scene} --no-sweep --out {out}").output
+    assert "too weak" in rattle(f"{SMALL_CHAOS} {scene} --no-sweep --out {out}").output
     page = (out / "chaos.md").read_text(encoding="utf-8")
     assert "per second" not in page  # it was not made from gears
     assert not (out / "sweep.csv").exists()

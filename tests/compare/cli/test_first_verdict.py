@@ -7,8 +7,9 @@ import re
 import pandas as pd
 import pytest
 from commands import rattle
+from scenes import dat21
 
-from rattle import DAT21, Scene, validate
+from rattle import validate
 
 SWEPT = (
     "validate --sigma 0.1 --paths 600 --impacts 2 --closure saltation --over sigma=1e-3:1:5"
@@ -54,7 +55,7 @@ def test_each_sentence_is_printed_once(small_report):
 
 
 def test_fixed_times_can_be_left_out():
-    scene = Scene.from_gears(DAT21, sigma=0.1)
+    scene = dat21(0.1)
     settings = {"impacts": 2, "paths": 600, "closures": ["saltation"]}
     whole = validate(scene, **settings).table
     section = validate(scene, fixed_times=False, **settings).table

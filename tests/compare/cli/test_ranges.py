@@ -1,11 +1,12 @@
 """The one spelling of a range of values."""
 
 import pytest
+from scenes import dat21
 
-from rattle import DAT21, InputError, Scene
+from rattle import InputError, Scene
 from rattle.compare.cli.ranges import RangeType
 
-SCENE = Scene.from_gears(DAT21, sigma=0.1)
+RANGED = dat21(0.1)
 
 
 def read(text):
@@ -22,7 +23,7 @@ def read(text):
     ],
 )
 def test_values_of_a_range(text, values):
-    assert read(text).values(SCENE, points=3) == pytest.approx(values, rel=1e-15)
+    assert read(text).values(RANGED, points=3) == pytest.approx(values, rel=1e-15)
 
 
 def test_a_name_alone_needs_a_value_to_go_around():

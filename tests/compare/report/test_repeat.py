@@ -135,7 +135,7 @@ def test_without_the_tables_only_digests_are_compared(first, tmp_path):
     assert f"Only digests could be compared: {missing}" in printed
 
 
-ROWS = pd.DataFrame(
+COMPARED_ROWS = pd.DataFrame(
     {
         "quantity": ["tau", "y1"],
         "predicted": [1.0, np.nan],
@@ -150,7 +150,7 @@ ROWS = pd.DataFrame(
 
 
 def compared(**changed):
-    return difference(ROWS, ROWS.assign(**changed), paths=100)
+    return difference(COMPARED_ROWS, COMPARED_ROWS.assign(**changed), paths=100)
 
 
 def test_differences_are_in_sds_and_in_standard_errors():

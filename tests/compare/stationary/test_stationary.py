@@ -8,21 +8,21 @@ import numpy as np
 import pandas as pd
 import pytest
 from commands import rattle
+from scenes import IMPACT_PAIR, dat21
 
 import rattle as rt
 from rattle.closure.stationary import linear_law
 from rattle.compare.stationary.page import answer
 from rattle.montecarlo.long_run.estimates import estimates
 from rattle.montecarlo.long_run.sums import NUMBER, SLOW
-from rattle.scene import DAT21, Scene, Start
+from rattle.scene import Scene, Start
 from rattle.scene.long_orbit import attractor
 
-PAIR = {"alpha": 0.25, "epsilon": 0.5, "beta1": 0.0, "gamma1": 0.0, "stages": 1}
 RESTING = {"alpha": 0.1, "epsilon": 0.3, "beta1": 0.1, "gamma1": 1.0, "stages": 1}
 
 
 def test_periodic_orbit_without_noise_is_exact():
-    found = rt.stationary(Scene(**PAIR | {"beta1": 0.02}))
+    found = rt.stationary(IMPACT_PAIR)
     assert found.kind == "periodic"
     assert "period of the excitation" in found.said
     row = found.table.loc["rate"]
@@ -62,7 +62,7 @@ def test_attractors_that_the_noise_does_not_connect_have_no_one_long_run():
 
 def test_an_error_that_nobody_knows_is_not_stated():
     """Of 64 paths one alone had impacts that are not slow, and their mean speed has no error."""
-    found = rt.stationary(Scene.from_gears(DAT21, sigma=0.5), periods=64, paths=64, closures=[])
+    found = rt.stationary(dat21(0.5), periods=64, paths=64, closures=[])
     sums = found.run.sums
     main = sums.main.copy()
     power = sums.power.copy()
@@ -79,7 +79,7 @@ def test_an_error_that_nobody_knows_is_not_stated():
 
 def test_linear_law_of_two_stages():
     """A cycle through both meshes; its stationary sds against the far end of the closure itself."""
-    weak = replace(Scene.from_gears(DAT21, sigma=1e-4), alpha=0.2, start=None)
+    weak = replace(dat21(1e-4), alpha=0.2, start=None)
     end = attractor(weak)
     law = linear_law(weak, end)
     begin = Start(float(end.tau[0]), *end.before[0].tolist(), mesh=int(end.mesh[0]))
@@ -93,7 +93,7 @@ def test_linear_law_of_two_stages():
 def test_intervals_that_rest_on_few_paths_are_named():
     """A few paths carry nearly all slow impacts: the interval is wider for that, and the answer
     says so."""
-    found = rt.stationary(Scene.from_gears(DAT21, sigma=0.5), periods=64, paths=32, closures=[])
+    found = rt.stationary(dat21(0.5), periods=64, paths=32, closures=[])
     assert "slow_share" not in found.few.index
     sums = found.run.sums
     main = sums.main.copy()

@@ -6,11 +6,12 @@ from pathlib import Path
 
 import pytest
 from commands import rattle
+from scenes import dat21
 
 import rattle as rt
 from rattle.scene import InputError
 
-STUDY = """
+LONG_STUDY = """
 [study]
 kind = "stationary"
 title = "the pair"
@@ -32,7 +33,7 @@ sigma = [0.0, 0.002, 0.3]
 
 def test_study_runs_and_is_kept(tmp_path):
     file = tmp_path / "pair.toml"
-    file.write_text(STUDY)
+    file.write_text(LONG_STUDY)
     assert json.loads(rattle(f"study {file} --json").stdout)["complete"]
     folder = tmp_path / "pair"
     assert (folder / "figures" / "long-run.svg").stat().st_size > 0
@@ -51,7 +52,7 @@ def test_study_runs_and_is_kept(tmp_path):
 
 
 def test_over_a_value_of_the_gears_all_is_in_physical_units(tmp_path):
-    scene = rt.Scene.from_gears(rt.DAT21, sigma=0.5)
+    scene = dat21(0.5)
     file = tmp_path / "gears.toml"
     head = '[study]\nkind = "stationary"\nclosures = []\nperiods = 64\npaths = 32\n'
     file.write_text(head + scene.to_toml() + "[[axes]]\nbacklash1 = [0.2, 0.4]\n")
@@ -90,4 +91,4 @@ def test_a_study_over_two_fields_has_a_figure_for_each_value_of_the_second():
 )
 def test_bad_studies_are_refused(old, new, word):
     with pytest.raises(InputError, match=word):
-        assert rt.Study.from_toml(STUDY.replace(old, new)).points
+        assert rt.Study.from_toml(LONG_STUDY.replace(old, new)).points

@@ -9,7 +9,7 @@ from studies import Prediction, Sample, study_text
 from rattle import InputError, Study
 from rattle.scene import DAT21, Order
 
-ORDERS = (
+ORDERS_TEXT = (
     "[[drive]]\norder = 1\namplitude = 1.0\n[[drive]]\norder = 4\namplitude = 0.1\nphase = 1.0\n"
 )
 
@@ -75,7 +75,7 @@ def test_a_key_is_the_content(monkeypatch):
     assert keys(more_paths, Prediction) < keys(cells)  # closures do not care
     sine = Study.from_toml(study_text(more="[[drive]]\norder = 1\namplitude = 1.0\n")).cells
     assert keys(sine) == keys(cells)
-    assert not keys(Study.from_toml(study_text(more=ORDERS)).cells) & keys(cells)
+    assert not keys(Study.from_toml(study_text(more=ORDERS_TEXT)).cells) & keys(cells)
     before = keys(cells)
     monkeypatch.setattr("rattle.compare.engine.store.numerical_version", lambda *_: "another")
     assert not before & keys(read().cells)
@@ -95,27 +95,31 @@ def test_an_invalid_point_says_why_and_the_others_stand():
     assert len(study.cells) == 9
 
 
-SIGMAS = "[0.01, 0.02, 0.05]"
-CLOSURES = '["saltation", "corrected"]'
-AXIS = f"sigma = {SIGMAS}"
+SIGMAS_LINE = "[0.01, 0.02, 0.05]"
+CLOSURES_LINE = '["saltation", "corrected"]'
+AXIS = f"sigma = {SIGMAS_LINE}"
 
 
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
         ("sigma = [", "sigme = [", "sigme.*did you mean 'sigma'"),
-        (SIGMAS, "[]", r"axes\.sigma.*has no values"),
-        (SIGMAS, "0.1", r"axes\.sigma.*write \{"),
-        (SIGMAS, "[0.1, 0.1]", r"axes\.sigma.*twice"),
-        (SIGMAS, "{ log = [0.0, 1.0, 3] }", r"axes\.sigma LOW.*greater than 0"),
-        (SIGMAS, "{ linear = [2.0, 1.0, 3] }", r"axes\.sigma HIGH.*greater than LOW"),
-        (SIGMAS, "{ cubic = [0.0, 1.0, 3] }", r"axes\.sigma.*unknown key"),
-        (SIGMAS, "[-1.0, -2.0]", "study.*not one point"),
+        (SIGMAS_LINE, "[]", r"axes\.sigma.*has no values"),
+        (SIGMAS_LINE, "0.1", r"axes\.sigma.*write \{"),
+        (SIGMAS_LINE, "[0.1, 0.1]", r"axes\.sigma.*twice"),
+        (SIGMAS_LINE, "{ log = [0.0, 1.0, 3] }", r"axes\.sigma LOW.*greater than 0"),
+        (SIGMAS_LINE, "{ linear = [2.0, 1.0, 3] }", r"axes\.sigma HIGH.*greater than LOW"),
+        (SIGMAS_LINE, "{ cubic = [0.0, 1.0, 3] }", r"axes\.sigma.*unknown key"),
+        (SIGMAS_LINE, "[-1.0, -2.0]", "study.*not one point"),
         ("impacts = 2", "impact = 2", "impact.*did you mean 'impacts'"),
         ("paths = 4096", "paths = 4096\naccuracy = 0.1", r"study\.paths.*either paths or accuracy"),
         ("paths = 4096", "accuracy = 0.1\ndt = 0.01", r"study\.dt.*leave it out"),
-        (CLOSURES, '["saltations"]', r"study\.closures.*did you mean 'saltation'"),
-        (CLOSURES, '["nowhere:mine"]', r"study\.closures = 'nowhere:mine'.*cannot be imported"),
+        (CLOSURES_LINE, '["saltations"]', r"study\.closures.*did you mean 'saltation'"),
+        (
+            CLOSURES_LINE,
+            '["nowhere:mine"]',
+            r"study\.closures = 'nowhere:mine'.*cannot be imported",
+        ),
         ("seed = 3", "within = { means = 0.1 }", r"study\.within.*did you mean 'mean'"),
         ("common_noise = true", "common_noise = 1", r"study\.common_noise.*true or false"),
         ("[scene]", "[scene", "TOML.*correct the file"),
@@ -146,7 +150,7 @@ def test_rare_branches_need_white_noise():
 
 def test_an_axis_varies_one_order_and_keeps_the_others():
     axes = '[[axes]]\n"drive.2.amplitude" = [0.0, 0.2]\ncorrelation_time = [0.0, 0.5]\n'
-    study = Study.from_toml(study_text(more=ORDERS + axes))
+    study = Study.from_toml(study_text(more=ORDERS_TEXT + axes))
     last = study.points[-1].sample.scene
     assert last.drive == (Order(1), Order(2, 0.2), Order(4, 0.1, 1.0))
     assert last.correlation_time == 0.5

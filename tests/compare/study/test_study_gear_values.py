@@ -4,23 +4,22 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from scenes import TURNING, dat21
 
-from rattle import DAT21, Gears, InputError, Order, Scene, Study, Tolerance
+from rattle import Gears, InputError, Order, Scene, Study, Tolerance
 from rattle.compare.chaos.sweep import vary
 from rattle.compare.study.parameters import find_parameter, find_parameters
 
-OTHERS = {name: value for name, value in DAT21.values.items() if name != "alpha"}
-FAST = Gears.driven(amplitude=0.3, speed_rpm=800.0, driver_radius=30.0, **OTHERS)
-SCENE = Scene.from_gears(FAST, sigma=0.02)
-HEAD = "[study]\nimpacts = 2\npaths = 4096\n"
+TURNING_SCENE = Scene.from_gears(TURNING, sigma=0.02)
+STUDY_HEAD = "[study]\nimpacts = 2\npaths = 4096\n"
 
 
-def scenes(axis, scene=SCENE, more=""):
-    study = Study.from_toml(HEAD + scene.to_toml() + more + f"[[axes]]\n{axis}\n")
+def scenes(axis, scene=TURNING_SCENE, more=""):
+    study = Study.from_toml(STUDY_HEAD + scene.to_toml() + more + f"[[axes]]\n{axis}\n")
     return study, [point.sample.scene for point in study.points]
 
 
-CHANGES = {
+CHANGED_VALUES = {
     "backlash1": 0.4,
     "speed_rpm": 1200.0,
     "driver_radius": 25.0,
@@ -31,14 +30,14 @@ CHANGES = {
 }
 
 
-@pytest.mark.parametrize("name", CHANGES)
+@pytest.mark.parametrize("name", CHANGED_VALUES)
 def test_an_axis_over_a_value_of_the_gears(name):
-    value = CHANGES[name]
-    expected = Scene.from_gears(Gears.driven(**FAST.values | {name: value}), sigma=0.02)
+    value = CHANGED_VALUES[name]
+    expected = Scene.from_gears(Gears.driven(**TURNING.values | {name: value}), sigma=0.02)
     study, (found,) = scenes(f"{name} = [{value}]")
     assert found == expected
-    assert vary(SCENE, name, [value])[value] == expected
-    assert find_parameter(SCENE, name).scene_at(value) == expected
+    assert vary(TURNING_SCENE, name, [value])[value] == expected
+    assert find_parameter(TURNING_SCENE, name).scene_at(value) == expected
     assert (study.shown_gears is None) == (name in ("omega", "backlash1"))
 
 
@@ -64,21 +63,21 @@ def test_a_name_that_needs_gears_says_so():
     with pytest.raises(
         InputError, match="axes = 'backlash1': a value of gears, which this study has not"
     ):
-        Study.from_toml(HEAD + plain)
+        Study.from_toml(STUDY_HEAD + plain)
     with pytest.raises(InputError, match="did you mean 'backlash1' or 'backlash2'"):
         scenes("backlash = [0.2]")
     with pytest.raises(InputError, match="field = 'backlash': did you mean"):
-        vary(SCENE, "backlash", [0.2])
+        vary(TURNING_SCENE, "backlash", [0.2])
 
 
 def test_parameters_are_those_that_were_typed():
-    known = find_parameters(SCENE)
+    known = find_parameters(TURNING_SCENE)
     assert {"amplitude", "speed_rpm", "driver_radius", "torque1", "backlash1"} < set(known)
     torque = known["torque2"]
     assert (torque.value, torque.unit, torque.words) == (50.0, "N mm", "drag torque on wheel 2")
 
 
-DRIVEN = Scene.from_gears(DAT21, sigma=0.5)
+DRIVEN = dat21(0.5)
 
 
 def test_what_a_parameter_does_not_name_stays_while_it_changes():

@@ -16,7 +16,7 @@ from rattle import DAT21, InputError, Scene, Study, Tolerances, load_study
 from rattle.compare.study.impacts_page import answer
 
 COMMAND = ("-m", "rattle.compare.cli.main", "study", "--workers", "1")
-SLOW = {"sigmas": (0.01, 0.02, 0.03, 0.04, 0.05, 0.06), "paths": 40_000}
+SLOW_STUDY = {"sigmas": (0.01, 0.02, 0.03, 0.04, 0.05, 0.06), "paths": 40_000}
 
 
 def wait_for(folder, pattern, number, seconds=600.0):  # of compiling, on a busy machine
@@ -41,7 +41,7 @@ def write(folder, name, **settings):
 @pytest.fixture(scope="module")
 def slow(tmp_path_factory):
     """A study that takes a few seconds, run without interruption."""
-    file = write(tmp_path_factory.mktemp("slow"), "noise", **SLOW)
+    file = write(tmp_path_factory.mktemp("slow"), "noise", **SLOW_STUDY)
     rattle(f"study {file}")
     return file.with_suffix("")
 
@@ -70,7 +70,7 @@ def test_tables_load_in_one_line(slow):
 
 @pytest.mark.slow
 def test_killed_and_resumed_is_the_same_to_the_last_bit(slow, tmp_path):
-    file = write(tmp_path, "noise", **SLOW)
+    file = write(tmp_path, "noise", **SLOW_STUDY)
     out = tmp_path / "noise"
     cells = f"{CELLS_FOLDER}/*.parquet"
     for pattern, files in ((cells, 3), (".page-*.part", 1)):
@@ -89,7 +89,7 @@ def test_killed_and_resumed_is_the_same_to_the_last_bit(slow, tmp_path):
 
 @pytest.mark.slow
 def test_two_processes_share_the_work(slow, tmp_path):
-    file = write(tmp_path, "noise", **SLOW)
+    file = write(tmp_path, "noise", **SLOW_STUDY)
     out = tmp_path / "noise"
     cells = f"{CELLS_FOLDER}/*.parquet"
     first = start(*COMMAND, file)

@@ -6,12 +6,13 @@ import json
 import numpy as np
 import pytest
 from commands import rattle
+from scenes import dat21
 
-from rattle import DAT21, Closure, Scene, mean_map, validate
+from rattle import Closure, mean_map, validate
 from rattle.compare.validation.answer import answer
 from rattle.compare.validation.comparison import measure_speeds
 
-SCENE = Scene.from_gears(DAT21, sigma=0.01)
+LITTLE_NOISE = dat21(0.01)
 
 
 def copy(scene, impacts):
@@ -42,7 +43,9 @@ def compared():
         copy,
         lambda scene, times: mean_map(scene, impacts=3, closure="saltation").at_times(times),
     )
-    return validate(SCENE, impacts=3, closures=["saltation", same, shifted], paths=20_000, rng=7)
+    return validate(
+        LITTLE_NOISE, impacts=3, closures=["saltation", same, shifted], paths=20_000, rng=7
+    )
 
 
 def test_it_is_judged_as_a_closure_of_the_package_is(compared):
@@ -66,7 +69,9 @@ def test_its_time_is_measured_and_decides_nothing(compared):
 
 
 def test_an_exception_is_a_remark_on_its_rows(compared):
-    v = validate(SCENE.with_sigma(0.1), impacts=2, closures=["saltation", strong], paths=2000)
+    v = validate(
+        LITTLE_NOISE.with_sigma(0.1), impacts=2, closures=["saltation", strong], paths=2000
+    )
     why = "raised ValueError: the noise is too strong"
     assert v.failed == {"strong": why}
     table = rows(v, "strong")
@@ -79,7 +84,7 @@ def test_an_exception_at_fixed_times_loses_only_these():
     def fails(scene, times):
         raise ZeroDivisionError
 
-    v = validate(SCENE, impacts=2, closures=[Closure("mine", copy, fails)], paths=2000)
+    v = validate(LITTLE_NOISE, impacts=2, closures=[Closure("mine", copy, fails)], paths=2000)
     table = rows(v, "mine").set_index("kind")
     assert set(table.loc["fixed time", "remark"]) == {"raised ZeroDivisionError: "}
     assert not (table.loc["section", "verdict"] == "not predicted").any()

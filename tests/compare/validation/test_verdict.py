@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import pandas as pd
 import pytest
+from scenes import dat21
 from scipy import stats
 
 from rattle import Tolerances
@@ -13,10 +14,9 @@ from rattle.compare.judge.verdict import judge
 from rattle.compare.validation.errors import judge_again, section_errors
 from rattle.montecarlo import Record, simulate, simulate_rare
 from rattle.montecarlo.statistics.intervals import ABSOLUTE, widest
-from rattle.scene import DAT21, Scene
 from rattle.scene.types import section_names
 
-IMPACTS = 4
+JUDGED_IMPACTS = 4
 
 
 def rows(**columns):
@@ -67,12 +67,14 @@ class Claimed:
 
 
 def ensemble(sigma, seed, paths):
-    scene = Scene.from_gears(DAT21, sigma=sigma)
+    scene = dat21(sigma)
     record = Record(
-        itineraries={"claimed": mean_map(scene, impacts=IMPACTS, closure="corrected").itinerary}
+        itineraries={
+            "claimed": mean_map(scene, impacts=JUDGED_IMPACTS, closure="corrected").itinerary
+        }
     )
     settings = {"workers": 2, "scheme": "euler-maruyama-located", "record": record}
-    return simulate(scene, paths=paths, impacts=IMPACTS, rng=seed, **settings)
+    return simulate(scene, paths=paths, impacts=JUDGED_IMPACTS, rng=seed, **settings)
 
 
 def corrected(run):
@@ -98,7 +100,7 @@ def test_a_perfect_closure_is_within_its_intervals(sigma):
     = 0.05 here): no interval estimated from such a sample can include it, and the report says so.
     """
     claim = Claimed(corrected(ensemble(sigma, seed=1, paths=200_000)))
-    z = widest(2 * len(section_names(2)) * IMPACTS)
+    z = widest(2 * len(section_names(2)) * JUDGED_IMPACTS)
     missing = 0
     for seed in range(100, 112):
         table = section_errors([claim], ensemble(sigma, seed, 4096), z, Tolerances())
@@ -107,16 +109,16 @@ def test_a_perfect_closure_is_within_its_intervals(sigma):
     assert missing <= 3  # P(more than 3 of 12 | 5 %) = 0.002
 
 
-Z = widest(24)
+Z_OF_FEW = widest(24)
 
 
 @pytest.fixture(scope="module")
 def few():
     """A perfect closure, judged by sixty samples of four paths."""
-    scene = Scene.from_gears(DAT21, sigma=0.01)
+    scene = dat21(0.01)
     claim = Claimed(mean_map(scene, impacts=2, closure="saltation").section)
     runs = [simulate(scene, paths=4, impacts=2, rng=seed) for seed in range(60)]
-    return lambda: [section_errors([claim], run, Z, Tolerances()) for run in runs]
+    return lambda: [section_errors([claim], run, Z_OF_FEW, Tolerances()) for run in runs]
 
 
 def called_inaccurate(tables):
@@ -132,7 +134,7 @@ def test_few_paths_do_not_call_a_perfect_closure_inaccurate_and_judge_no_sd(few)
 
 
 def test_few_paths_with_normal_intervals_would(few, monkeypatch):
-    monkeypatch.setattr("rattle.compare.judge.rows.half_width", lambda *_: Z)
+    monkeypatch.setattr("rattle.compare.judge.rows.half_width", lambda *_: Z_OF_FEW)
     monkeypatch.setattr("rattle.montecarlo.diagnostics.reference.FEWEST_FOR_SD", 0)
     assert called_inaccurate(few()) > 30
 
@@ -147,7 +149,7 @@ def test_few_paths_with_normal_intervals_would(few, monkeypatch):
 )
 def test_a_negative_control_is_inaccurate(truth, column, change):
     run = ensemble(0.02, seed=7, paths=40_000)
-    z = widest(2 * len(section_names(2)) * IMPACTS)
+    z = widest(2 * len(section_names(2)) * JUDGED_IMPACTS)
     wrong = truth.assign(**{column: change(truth)})
     quantity = column.removeprefix("sd_")
     moment = "sd" if column.startswith("sd_") else "mean"
@@ -164,7 +166,7 @@ def test_a_negative_control_is_inaccurate(truth, column, change):
 def test_rows_that_wait_for_a_rare_branch_are_decided_by_paths_near_it():
     """The sd of y2 at impact 3 has a kurtosis of 1,500 from 5 paths in 10,000; one off by a third
     is noticed."""
-    scene = Scene.from_gears(DAT21, sigma=0.1)
+    scene = dat21(0.1)
     run = simulate(scene, paths=8192, impacts=3, rng=1)
     exact = Claimed(simulate_rare(scene, paths=131_072, impacts=3, rng=2).section)
     wrong = Claimed(exact.section.assign(sd_y2=exact.section["sd_y2"] * [1.0, 1.0, 1.35]))

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from scenes import dat21
 
 from rattle.compare.chaos.exponents import Mean
 from rattle.compare.chaos.sweep import paper_noise
@@ -24,7 +25,6 @@ from rattle.compare.checks.claims.judges import (
 )
 from rattle.compare.checks.claims.page import make_report
 from rattle.compare.report.save import save
-from rattle.scene import DAT21, Scene
 
 pytestmark = pytest.mark.filterwarnings("ignore:.*too short.*")
 
@@ -34,9 +34,7 @@ def evidence():
     effort = Effort(points=5_000, impacts=20_000, events=128)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(of_evidence, "CLAIM_IMPACTS", 6)
-        return gather(
-            Scene.from_gears(DAT21), (0.02,), (0.3, 1.0, 2.0), 4000, effort, lambda part: None
-        )
+        return gather(dat21(), (0.02,), (0.3, 1.0, 2.0), 4000, effort, lambda part: None)
 
 
 @pytest.fixture(scope="module")
@@ -120,10 +118,7 @@ def test_alpha_outside_the_range_and_an_orbit_that_sticks_at_times_are_said(evid
 def test_each_rule_at_impacts_breaks_the_stage_that_it_is_for():
     """Eq. 17 breaks stage 1 whether Eq. 15 is mended or not, and the other way round; with both
     nothing fails."""
-    found = {
-        rule: {f.stage: f.impact for f in at}
-        for rule, at in failures(Scene.from_gears(DAT21, sigma=0.01)).items()
-    }
+    found = {rule: {f.stage: f.impact for f in at} for rule, at in failures(dat21(0.01)).items()}
     assert found[judges.AS_PUBLISHED] == {1: 2, 2: 2}
     assert found[judges.MEND_15] == {1: 2, 2: 0}
     assert found[judges.MEND_17] == {1: 0, 2: 2}
@@ -150,7 +145,7 @@ def test_spectra_are_judged_of_the_map_the_ensemble_the_orbit_and_paths_apart(ev
 
 
 def test_a_mean_that_still_depends_on_the_start_is_not_periodic(monkeypatch):
-    scene = paper_noise(Scene.from_gears(DAT21))
+    scene = paper_noise(dat21())
     monkeypatch.setattr(of_evidence, "EVIDENCE_BURN_IN", 0)
     assert not of_evidence.mean_motion(scene, 2000, 0, 1).periodic
 

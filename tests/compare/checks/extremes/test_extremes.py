@@ -16,7 +16,7 @@ from rattle.compare.checks.published import noise
 from rattle.compare.validation import validate as validation
 from rattle.scene import Scene, flight, impact, long_orbit, orbit
 
-LONG = {
+LONG_ROWS = {
     "unit_of_length",
     "simultaneous",
     "sticking_paths",
@@ -30,7 +30,7 @@ tests."""
 
 
 @pytest.mark.parametrize(
-    "name", [pytest.param(r, marks=pytest.mark.slow) if r in LONG else r for r in EXTREMES]
+    "name", [pytest.param(r, marks=pytest.mark.slow) if r in LONG_ROWS else r for r in EXTREMES]
 )
 def test_row_holds(name):
     (result,) = run_checks({name: EXTREMES[name]})

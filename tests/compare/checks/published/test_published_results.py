@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from commands import rattle
+from scenes import dat21
 
 from rattle.compare.checks.check import MOST_FALSE_ALARMS, Check, Subject, run_checks
 from rattle.compare.checks.published import RESULTS, bodies, impacts
@@ -34,7 +35,7 @@ def test_published_rigs_are_scenes_to_copy():
     paper, basins_of_two = (
         Scene.load(folder / name) for name in ("dat21.toml", "de-souza-caldas.toml")
     )
-    assert (paper, paper.gears) == (Scene.from_gears(DAT21, sigma=DAT21.alpha**0.5), DAT21)
+    assert (paper, paper.gears) == (dat21(DAT21.alpha**0.5), DAT21)
     assert replace(basins_of_two, start=None) == impacts.GEARS
 
 
