@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
-from scenes import FOUR, OSCILLATOR, dat21, tree
+from scenes import FOUR, ORDERS, OSCILLATOR, chain, dat21, tree
 
 from rattle import Record, follow, mean_map, simulate
-from rattle.scene import Scene, Start, Tolerance, section_names, state_names
+from rattle.scene import Restitution, Scene, Start, Tolerance, section_names, state_names
 
 TOLERANCES = {
     "path, uniform": Tolerance(1e-3, 1e-3),
@@ -17,16 +17,44 @@ TOLERANCES = {
     "contact, normal": Tolerance(2e-3, 1e-3, distribution="normal", draw="contact"),
     "fixed": Tolerance(1e-2, 2e-2, distribution="fixed"),
 }
-TOLERANT_SCENES = {
-    name: dat21(0.002, tolerance=tolerance) for name, tolerance in TOLERANCES.items()
+
+
+PLAIN_SCENES = {
+    "DAT21": dat21(),
+    "one stage": dat21(stages=1),
+    "noisy wheel 2": replace(tree((0, 1)), noise=2).phase_reduced,
+    "driven oscillator": OSCILLATOR,
+    "tree": FOUR,
 }
-NOISY_BODIES = {
-    "noisy wheel 2": replace(tree((0, 1)), sigma=0.002, noise=2).phase_reduced,
-    "driven oscillator": OSCILLATOR.with_sigma(0.002),
+REMEMBERING_SCENES = {
+    "orders": dat21(drive=ORDERS),
+    "short memory": dat21(correlation_time=0.1),
+    "orders and memory": dat21(drive=ORDERS, correlation_time=1.0),
+    "long memory": dat21(correlation_time=10.0),
+    "a body's own memory": replace(OSCILLATOR, correlation_time=0.5),
+}
+FALLING_ROWS = [(0.2, 0.9), (1.0, 0.8), (2.5, 0.7)]
+LAWS = {
+    "restitution falls": (Restitution(speed=4.0), None),
+    "random restitution": (Restitution(sd=0.003, speed=4.0), Restitution(speed=4.0)),
+    "measured restitution": (
+        Restitution(sd=0.003, table=FALLING_ROWS),
+        Restitution(table=FALLING_ROWS),
+    ),
 }
 QUIET_SCENES = (
-    {"DAT21": dat21(0.002), "one stage": dat21(0.002, stages=1)} | TOLERANT_SCENES | NOISY_BODIES
+    {name: (s.with_sigma(0.002), s.with_sigma(0.0022)) for name, s in PLAIN_SCENES.items()}
+    | {name: (dat21(0.002, tolerance=t), dat21(0.002)) for name, t in TOLERANCES.items()}
+    | {
+        name: (
+            s.with_sigma(0.002),
+            replace(s, sigma=0.002, correlation_time=0.1 + 1.2 * s.correlation_time),
+        )
+        for name, s in REMEMBERING_SCENES.items()
+    }
+    | {name: (chain(law, 0.002), chain(other, 0.002)) for name, (law, other) in LAWS.items()}
 )
+"""Each with a planted error: other noise, no tolerance, another memory, or another restitution."""
 SLOW_IMPACT = 0.2  # speed of an impact after which first order in the noise is not enough
 # sds of the impact times that must fit between a fixed time and the impacts around it
 CLEARANCE = 6.0
@@ -51,10 +79,11 @@ def middles(scene):
 
 
 @pytest.fixture(scope="module", params=QUIET_SCENES)
-def run(request):
+def case(request):
     """Exact flights at sigma = 0.002, with their moments in the middle of flights."""
-    scene = QUIET_SCENES[request.param]
-    return simulate(scene, paths=40_000, rng=5, record=Record(times=middles(scene)))
+    scene, wrong = QUIET_SCENES[request.param]
+    sampled = simulate(scene, paths=40_000, rng=5, record=Record(times=middles(scene)))
+    return sampled, wrong
 
 
 def standard_errors(scene, run, prefixes, order=4):
@@ -75,14 +104,13 @@ def standard_errors(scene, run, prefixes, order=4):
     return pd.DataFrame(off)
 
 
-def test_small_noise_section_moments(run):
+def test_small_noise_section_moments(case):
     """Means and sds of tau, flights and states within 4 standard errors."""
+    run, wrong = case
     off = standard_errors(run.scene, run, ("", "sd_"))
     assert len(off) >= 6
     assert (off > 4.0).sum(axis=None) <= 1
     assert not (off > 6.0).any(axis=None)
-    # negative control: another noise, or none of the tolerance
-    wrong = dat21(0.002) if run.scene.tolerance else run.scene.with_sigma(0.0022)
     assert (standard_errors(wrong, run, ("", "sd_")) > 6.0).any(axis=None)
 
 
@@ -100,8 +128,9 @@ def excess(run, scale=1.0):
     return np.array(worst)
 
 
-def test_sds_between_impacts(run):
+def test_sds_between_impacts(case):
     """Negative control: variances 5 % too large."""
+    run, _ = case
     assert (excess(run) < LIMIT).all()
     assert (excess(run, scale=1.05) > LIMIT).any()
 

@@ -2,7 +2,6 @@
 
 import json
 import shlex
-from collections.abc import Iterator
 
 import click
 from click.testing import CliRunner
@@ -64,7 +63,7 @@ def strict(text):
     return json.loads(text, parse_constant=refused)
 
 
-def commands(group: click.Group = main, above: str = "") -> Iterator[tuple[str, click.Command]]:
+def commands(group=main, above=""):
     """Each command that does something, by its words after ``rattle``: ``simulate``, ``check
     speed``."""
     for name, command in sorted(group.commands.items()):

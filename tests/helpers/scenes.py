@@ -76,6 +76,13 @@ def tree(parents, seed=1, alpha=2.0, gamma=0.3, epsilon=(0.6, 0.95), **settings)
     return Scene(alpha=alpha, wheels=wheels, start=start, **settings)
 
 
+def chain(law, sigma):
+    """Two wheels in a row with a law of restitution at both meshes."""
+    first = Wheel(beta=0.083, gamma=0.4, restitution=law)
+    second = Wheel(beta=0.07, gamma=0.3, parent=1, mass=0.8, restitution=law)
+    return Scene(alpha=1.5, sigma=sigma, epsilon=0.9, wheels=[first, second])
+
+
 PARENTS = {
     "chain of 3": (0, 1, 2),
     "chain of 5": (0, 1, 2, 3, 4),

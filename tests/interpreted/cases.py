@@ -7,7 +7,6 @@ NUMBA_DISABLE_JIT=1 the interpreter makes them, from the same source.
 import json
 import math
 import sys
-from collections.abc import Callable
 from dataclasses import replace
 from unittest import mock
 
@@ -196,7 +195,7 @@ SAMPLED = {
 }
 """Scenes by the scheme that samples them."""
 
-CASES: dict[str, Callable] = {
+CASES = {
     "bench": bench,
     "sums": merged,
     "rare branches": rare_branches,
@@ -268,7 +267,7 @@ for scheme in ("exact-flight", "euler-maruyama-located"):
     )
 
 
-def parts(case: str) -> list[list[float]]:
+def parts(case):
     """The numbers of a case."""
     return [np.asarray(part, dtype=float).ravel().tolist() for part in CASES[case]()]
 

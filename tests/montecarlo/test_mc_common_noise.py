@@ -14,7 +14,7 @@ from rattle.montecarlo.noise.philox import Word
 from rattle.scene import Scene, Wheel
 
 
-def first_impacts(sigma: float, paths: int, impacts: int) -> np.ndarray:
+def first_impacts(sigma, paths, impacts):
     """Time and rates at the first impacts of many paths, shape (paths, impacts, 3)."""
     walker = LongPath(dat21(sigma), 11, depth=12)
     begin = walker.at.copy()
@@ -60,16 +60,14 @@ ON_SHAFT = Wheel(beta=0.1, gamma=2.0, gap=0.3, parent=1, mass=0.2, epsilon=0.3)
 ON_DRIVER = Wheel(beta=0.1, gamma=5.0, gap=0.3, epsilon=0.5)
 
 
-def fast_impacts(tau: np.ndarray, before: np.ndarray, code: np.ndarray) -> np.ndarray:
+def fast_impacts(tau, before, code):
     """Times and codes of the impacts that are no chatter, shape (impacts, 2)."""
     mesh = np.abs(code).astype(int)
     fast = np.abs(before[np.arange(mesh.size), 2 * mesh - 1]) > 0.2
     return np.column_stack([tau[fast], code[fast]])
 
 
-def walk(
-    scene: Scene, steps: int, seed: int = 3, depth: int = 12
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def walk(scene, steps, seed=3, depth=12):
     """Times, states and codes at the impacts of so many steps: full stretches end early."""
     walker = LongPath(scene, seed, depth=depth)
     pieces = []

@@ -104,7 +104,7 @@ def test_wheels_in_a_row_that_noise_lifts_lose_what_it_supplies():
     assert lost == pytest.approx(1.0, abs=4.0 * se)
 
 
-def count_impacts(*wheels: Wheel) -> float:
+def count_impacts(*wheels):
     """Impacts of some paths, every one of them followed."""
     scene = Scene(alpha=1.6, sigma=0.045, wheels=wheels)
     walk = Walk(scene, np.random.SeedSequence(1), 0, 4)

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from scenes import chain
 
 from rattle import Record, Scene, Start, Wheel, mean_map, simulate, stationary, validate
 from rattle.montecarlo.long_run import long_run, walk
@@ -168,48 +169,6 @@ def test_a_table_made_of_the_formula_gives_what_the_formula_gives():
         body = np.array([0.0, 1.3])
         strike(as_bodies(scene.constants, np.array([1, 0])), 1, body)
         assert body[1] == pytest.approx(-1.3 * 0.9 * (1.0 + 1.3 / 4.0) ** -0.25, abs=1e-6)
-
-
-def chain(law, sigma):
-    """Two wheels in a row with a law of restitution at both meshes."""
-    first = Wheel(beta=0.083, gamma=0.4, restitution=law)
-    second = Wheel(beta=0.07, gamma=0.3, parent=1, mass=0.8, restitution=law)
-    return Scene(alpha=1.5, sigma=sigma, epsilon=0.9, wheels=[first, second])
-
-
-@pytest.mark.parametrize(
-    ("law", "sigma"),
-    [
-        (Restitution(speed=4.0), 0.02),
-        (Restitution(sd=0.01, speed=4.0), 0.005),
-        (Restitution(sd=0.01, table=[(0.2, 0.9), (1.0, 0.8), (2.5, 0.7)]), 0.005),
-    ],
-)
-def test_saltation_knows_a_law_of_restitution(law, sigma):
-    """Means and sds after four impacts against simulated ones; without the law both are far off."""
-    run = simulate(chain(law, sigma), paths=BALL_PATHS, impacts=4, rng=3).section.iloc[3]
-
-    def deviate(given):
-        predicted = mean_map(chain(given, sigma), impacts=4, closure="saltation").section.iloc[3]
-        columns = [name for q in ("tau", "y1", "y2") for name in (q, f"sd_{q}")]
-        return max(abs(predicted[name] - run[name]) / run[f"se_{name}"] for name in columns)
-
-    assert deviate(law) < MOST_ERRORS
-    assert deviate(None) > 20.0
-
-
-@pytest.mark.parametrize("fast", [{"speed": 2.0}, {"table": [(0.1, 0.7), (0.5, 0.6), (1.0, 0.3)]}])
-def test_energy_of_a_random_restitution_balances_in_the_long_run(fast):
-    """What noise supplies impacts lose: the loss counts the variance of the restitution."""
-    law = Restitution(sd=0.1, **fast)
-    mass = Wheel(beta=0.1, gap=0.0, stiffness=1.0, one_sided=True, restitution=law)
-    scene = Scene(alpha=0.0, epsilon=0.7, sigma=0.5, noise=1, wheels=[mass])
-    run = stationary(scene, periods=256, paths=64, rng=2).run
-    lost, supplied = run.energy_balance()
-    off = lost - supplied
-    error = off.std(ddof=1) / math.sqrt(off.size)
-    assert abs(off.mean()) < MOST_ERRORS * error
-    assert error < 0.02 * supplied.mean()
 
 
 def test_a_long_run_of_random_restitution_has_no_control_variates(monkeypatch):

@@ -33,7 +33,7 @@ from rattle.scene import InputError, Restitution, Scene, Start, Tolerance, Wheel
 LOUD_DAT21 = dat21(1.5**0.5)
 
 
-def at(alpha: float, **changes) -> Scene:
+def at(alpha, **changes):
     return replace(LOUD_DAT21, alpha=alpha, start=None, **changes)
 
 

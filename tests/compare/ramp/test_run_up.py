@@ -13,7 +13,7 @@ from scipy.integrate import solve_ivp
 from rattle import Gears, InputError, Scene, Tolerance
 from rattle.compare import run_up
 from rattle.compare.ramp import measure
-from rattle.compare.ramp.speed import SpeedRamp, read_ramp
+from rattle.compare.ramp.speed import read_ramp
 from rattle.montecarlo.kernel.blocks import Budget
 from rattle.scene.flight import flow
 
@@ -86,7 +86,7 @@ RATES = np.array([0.3, -0.1, 0.2, 0.15])
 """Of the gaps at the beginning."""
 
 
-def in_gaps(driver: float, rims: np.ndarray) -> np.ndarray:
+def in_gaps(driver, rims):
     """Gaps of all meshes, where the driver and the rims have moved so much; or their rates."""
     shaft, first, third, pump = rims
     gaps = [
@@ -98,7 +98,7 @@ def in_gaps(driver: float, rims: np.ndarray) -> np.ndarray:
     return np.array(gaps)
 
 
-def fly_physically(ramp: SpeedRamp, periods: int) -> np.ndarray:
+def fly_physically(ramp, periods):
     """Gaps (mm) and their rates (mm/s) after so many periods without impacts, in physical time with
     the mean rotation accelerated."""
     g = ramp.gears
@@ -129,7 +129,7 @@ def fly_physically(ramp: SpeedRamp, periods: int) -> np.ndarray:
     return np.concatenate([in_gaps(0.0, moved[:4]), in_gaps(amplitude * omega, moved[4:])])
 
 
-def fly_in_stretches(ramp: SpeedRamp, periods: int, stretch: int) -> np.ndarray:
+def fly_in_stretches(ramp, periods, stretch):
     """The same by the dimensionless motion with the constants of the ramp."""
     state = np.zeros(8)
     state[1::2] = RATES

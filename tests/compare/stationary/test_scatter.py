@@ -15,14 +15,14 @@ ERROR_OF_SETS = 8.0  # sd of the planted errors: two fifths of the variance
 TAIL = 1.6448536  # standard deviations from the median to the 95 % quantile
 
 
-def planted(seed: int, sets: int = 256) -> SetValues:
+def planted(seed, sets=256):
     """Normal sets with normal errors, whose variance is known from four parts of each."""
     rng = np.random.default_rng(seed)
     value = rng.normal(100.0, SD_OF_SETS, sets) + rng.normal(0.0, ERROR_OF_SETS, sets)
     return SetValues(value, ERROR_OF_SETS**2 * rng.chisquare(3, sets) / 3.0)
 
 
-def coverage(values: list[SetValues]) -> np.ndarray:
+def coverage(values):
     """Share of the 95 % intervals that hold the true quantiles."""
     truth = 100.0 + SD_OF_SETS * np.array([-TAIL, 0.0, TAIL])
     rows = np.array([v.quantiles(np.random.SeedSequence(1)) for v in values])
