@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from oracle import gearbox
+from oracle import follow_covariance, gearbox
 from scenes import FOUR, TREES, dat21, tree
 
 from rattle.closure import Closure, closures_for, follow, mean_map
@@ -23,36 +23,19 @@ FOLLOWED = 12
 FORK = tree((0, 1, 1), sigma=1e-3)
 
 
-def section_of(covariance, rate, i):
-    """Covariance of tau and the state of each path at its own impact, from that of all paths at
-    one time; displacement i is on its wall."""
-    late = np.zeros(len(rate))
-    late[i] = -1.0 / rate[i]
-    reach = np.vstack([late, np.eye(len(rate)) + np.outer(rate, late)])
-    return reach @ covariance @ reach.T
-
-
-def follow_covariance(scene, orbit, bends=True):
-    """Covariances in the middle of each flight, and of tau and the state at its end; without the
-    bend of neighbours' paths at an impact, as a negative control."""
+def section_sds(scene, orbit, ends):
+    """Sds of tau and the state of each path at its own impact, from covariances of all paths at
+    one time; the struck displacement is on its wall."""
     box = gearbox(scene.constants)
-    size = orbit.before.shape[1]
-    spread = np.zeros((size, size))
-    middles, sections = [], []
-    for k in range(1, orbit.found + 1):
-        begin, end = orbit.tau[k - 1 : k + 1]
-        half = 0.5 * (end - begin)
-        spread = box.covariance(begin, spread, half)
-        middles.append(spread)
-        spread = box.covariance(begin + half, spread, half)
+    found = []
+    for k, covariance in enumerate(ends, 1):
+        rate = box.rates(orbit.tau[k], orbit.before[k])
         i = 2 * orbit.mesh[k] - 2
-        before, after = (box.rates(end, of[k]) for of in (orbit.before, orbit.after))
-        sections.append(section_of(spread, before, i))
-        jump = box.restitution(orbit.mesh[k])
-        if bends:
-            jump[:, i] += (after - jump @ before) / before[i]
-        spread = jump @ spread @ jump.T
-    return np.array(middles), np.array(sections)
+        late = np.zeros(len(rate))
+        late[i] = -1.0 / rate[i]
+        reach = np.vstack([late, np.eye(len(rate)) + np.outer(rate, late)])
+        found.append(np.sqrt(np.diagonal(reach @ covariance @ reach.T)))
+    return np.array(found)
 
 
 LINEAR = {
@@ -68,14 +51,13 @@ def test_saltation_is_the_linear_system_of_all_wheels(scene):
     orbit = follow(scene, FOLLOWED).until_sticking
     assert orbit.found >= 6
     assert set(orbit.mesh[1 : orbit.found + 1]) >= set(range(1, min(scene.stages, 3) + 1))
-    middles, sections = follow_covariance(scene, orbit)
+    middles, ends = follow_covariance(scene, orbit)
     _, wrong = follow_covariance(scene, orbit, bends=False)
     m = mean_map(scene, impacts=orbit.found, order=2)
     names = state_names(len(scene.tree))
     found = m.section[[f"sd_{name}" for name in ("tau", *names)]].to_numpy()
-    sds, without = (np.sqrt(np.diagonal(s, axis1=1, axis2=2)) for s in (sections, wrong))
-    assert found == pytest.approx(sds, rel=1e-9, abs=1e-11)
-    assert np.abs(found - without).max() > 1e-2
+    assert found == pytest.approx(section_sds(scene, orbit, ends), rel=1e-9, abs=1e-11)
+    assert np.abs(found - section_sds(scene, orbit, wrong)).max() > 1e-2
     times = 0.5 * (orbit.tau[1 : orbit.found + 1] + orbit.tau[: orbit.found])
     at = m.at_times(scene.to_absolute_time(times))[[f"cov_{name}_{name}" for name in names]]
     exact = np.diagonal(middles, axis1=1, axis2=2)

@@ -23,6 +23,20 @@ IMPACT_PAIR = Scene(alpha=0.25, epsilon=0.5, beta1=0.02, gamma1=0.0, stages=1)
 """A periodic motion with two impacts a period."""
 UNGEARED = Scene(alpha=1.5, epsilon=0.9, beta1=0.1, gamma1=0.05, mu=0.5, sigma=0.1)
 """A scene that was not made from gears."""
+UNEQUAL = Scene(
+    alpha=0.8,
+    epsilon=0.7,
+    beta1=0.3,
+    beta2=0.01,
+    gamma1=0.2,
+    gamma2=0.5,
+    mu=0.3,
+    gap1=0.2,
+    gap2=1.1,
+    sigma=0.2,
+    start=Start(1.0, 0.2, 1.0, -0.4, 0.3, mesh=1),
+)
+"""Gaps and wheels that are not alike."""
 OSCILLATOR = Scene(
     alpha=1.2,
     epsilon=0.8,

@@ -232,16 +232,14 @@ def test_a_law_that_cannot_be_is_refused_by_field_value_and_remedy(make, field, 
     assert remedy in text
 
 
-def test_a_law_of_restitution_goes_through_a_file():
-    law = Restitution(sd=0.05, least=0.8, speed=2.0)
-    scene = ball(law)
-    assert Scene.from_toml(scene.to_toml()) == scene
+def test_without_noise_restitution_is_its_mean():
+    scene = ball(Restitution(sd=0.05, least=0.8, speed=2.0))
     assert scene.noise_free.tree[0].restitution == Restitution(speed=2.0)
     table = validate(scene, impacts=2, paths=2_000, closures=["saltation"], rng=1).table
     assert set(table["closure"]) == {"saltation"}
 
 
-def test_a_table_goes_through_a_file_and_is_multiplied_by_an_epsilon():
+def test_a_table_of_a_file_is_multiplied_by_an_epsilon():
     """Of the first row by default; in another unit of length speeds alone are others."""
     body = """
         name = "ball"
@@ -252,7 +250,6 @@ def test_a_table_goes_through_a_file_and_is_multiplied_by_an_epsilon():
     """
     scene = Scene.from_toml(f"[scene]\nepsilon = 0.5\n[[body]]{body}")
     assert scene.tree[0].epsilon == 0.8
-    assert Scene.from_toml(scene.to_toml()) == scene
     assert scene.scaled(2.0).tree[0].restitution.table == ((1.0, 0.8), (4.0, 0.6))
     slower = Scene.from_toml(f"[scene]\n[[body]]{body}epsilon = 0.4")
     state = np.array([0.0, 3.0])

@@ -3,14 +3,12 @@
 import math
 from dataclasses import replace
 
-import numpy as np
 import pytest
 from oracle import gearbox
 from scenes import ORDERS, THREE, dat21
 
 from rattle import InputError, Order, Scene, Start, follow
 from rattle.closure import refusals
-from rattle.scene.flight import noise_covariance
 
 FLYING = (0.1, -1.3, 0.2, 0.7)
 # the second is too far from the first for a recurrence
@@ -29,15 +27,6 @@ def test_a_noise_free_flight_is_that_of_an_ode_solver(orders, t):
     shifted = (Order(orders[0].order, orders[0].amplitude, orders[0].phase + 1e-3), *orders[1:])
     wrong = follow(replace(scene, drive=shifted), 1).state(0.4 + t)  # negative control
     assert wrong != pytest.approx(exact, rel=1e-12, abs=1e-12)
-
-
-def test_the_noise_of_a_flight_has_the_covariance_of_the_linear_system():
-    t = 0.4
-    start = THREE.start.tau
-    exact = gearbox(THREE.constants, ORDERS).covariance(start, np.zeros((4, 4)), t)
-    sd = np.sqrt(exact.diagonal())
-    covariance = noise_covariance(THREE.constants, start, t)
-    assert covariance / np.outer(sd, sd) == pytest.approx(exact / np.outer(sd, sd), abs=1e-9)
 
 
 def test_one_order_that_is_the_sine_is_the_default():

@@ -11,7 +11,7 @@ from scenes import BESIDE_ALPHA
 from rattle.scene import DAT21, Gears, InputError, Scene, Start, Tolerance
 
 DAT21_TEXT = "[gears]\n" + "".join(f"{name} = {value!r}\n" for name, value in BESIDE_ALPHA.items())
-SPEED = "alpha = 1.5\nspeed_rpm = 800.0\ndriver_radius = 30.0\n"
+MOVING = "alpha = 1.5\nspeed_rpm = 800.0\ndriver_radius = 30.0\n"
 
 
 def written(tmp_path, text):
@@ -57,36 +57,36 @@ def test_the_drive_is_given_as_alpha_or_as_an_amplitude(tmp_path, drive):
             "gears.speed_rpm = None: give it, and driver_radius: torque1_over_rpm is read at",
         ),
         (
-            f"{SPEED}torque1_over_rpm = [[600, 5], [900]]",
+            f"{MOVING}torque1_over_rpm = [[600, 5], [900]]",
             "gears.torque1_over_rpm = [900]: point 2 leaves a gap in the table",
         ),
         (
-            f"{SPEED}torque1_over_rpm = [[600, 5], [900, nan]]",
+            f"{MOVING}torque1_over_rpm = [[600, 5], [900, nan]]",
             "gears.torque1_over_rpm: torque of point 2 = nan",
         ),
         (
-            f"{SPEED}torque1_over_rpm = [[600, 5], [500, 6]]",
+            f"{MOVING}torque1_over_rpm = [[600, 5], [500, 6]]",
             "gears.torque1_over_rpm = 500: must be above 600",
         ),
         (
-            f"{SPEED}torque1_over_rpm = [[600, 5], [900, 6]]",
+            f"{MOVING}torque1_over_rpm = [[600, 5], [900, 6]]",
             "gears.torque1 = 100.0: torque1_over_rpm is given too",
         ),
-        (f"{SPEED}torque1_over_rpm = 5.0", "gears.torque1_over_rpm = 5.0: write it as"),
+        (f"{MOVING}torque1_over_rpm = 5.0", "gears.torque1_over_rpm = 5.0: write it as"),
         (
-            f"{SPEED}torque1_over_rpm = {{ polynomial = [5, 0.01] }}",
+            f"{MOVING}torque1_over_rpm = {{ polynomial = [5, 0.01] }}",
             "write { polynomial = [a0, a1, a2], rpm = [lowest, highest] }",
         ),
         (
-            f"{SPEED}torque1_over_rpm = {{ polynomial = [5, 'a'], rpm = [600, 900] }}",
+            f"{MOVING}torque1_over_rpm = {{ polynomial = [5, 'a'], rpm = [600, 900] }}",
             "gears.torque1_over_rpm: a1 = 'a': give a number",
         ),
         (
-            f"{SPEED}torque1_over_rpm = {{ polynomial = [5, 0.01], rpm = [900, 600] }}",
+            f"{MOVING}torque1_over_rpm = {{ polynomial = [5, 0.01], rpm = [900, 600] }}",
             "gears.torque1_over_rpm = [900, 600]: give a lowest speed and a higher one",
         ),
         (  # 5 at both ends, and less than nothing between them
-            f"{SPEED}torque1_over_rpm = {{ polynomial = [545, -1.5, 1e-3], rpm = [600, 900] }}",
+            f"{MOVING}torque1_over_rpm = {{ polynomial = [545, -1.5, 1e-3], rpm = [600, 900] }}",
             "is -17.5 N mm at 750 1/min; drag cannot push a wheel",
         ),
         (

@@ -4,7 +4,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from oracle import gearbox
-from scenes import dat21
+from scenes import UNEQUAL, dat21
 
 from rattle import Scene, Start, follow
 
@@ -17,17 +17,7 @@ def still(**changes):
 
 STRUCK = {
     "DAT21": dat21(),
-    "unequal gaps": Scene(
-        alpha=0.8,
-        epsilon=0.7,
-        beta1=0.3,
-        beta2=0.01,
-        gamma1=0.2,
-        gamma2=0.5,
-        mu=0.3,
-        gap1=0.2,
-        gap2=1.1,
-    ),
+    "unequal gaps": UNEQUAL,
     "strong damping": Scene(
         alpha=3.0, epsilon=0.5, beta1=4.0, beta2=9.0, gamma1=1.0, gamma2=6.0, mu=0.8, gap2=0.05
     ),

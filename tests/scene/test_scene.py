@@ -4,10 +4,20 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scenes import FOUR, THREE, TREES
+from scenes import FOUR, OSCILLATOR, THREE, TREES, chain, dat21
 
 import rattle.scene
-from rattle.scene import DAT21, Gears, InputError, Order, Scene, Start, Tolerance, Wheel
+from rattle.scene import (
+    DAT21,
+    Gears,
+    InputError,
+    Order,
+    Restitution,
+    Scene,
+    Start,
+    Tolerance,
+    Wheel,
+)
 
 VALUES = {
     "alpha": 1.5,
@@ -284,6 +294,13 @@ NAMED = replace(
         THREE,
         replace(THREE, correlation_time=0.3),
         replace(THREE, gears=None, alpha=1.2),
+        dat21(0.1, noise=2),
+        replace(dat21(0.1, noise=2), gears=None),
+        replace(FOUR, noise={"drive": 1, 1: 0.2, "3": 0.5}),
+        OSCILLATOR,
+        replace(OSCILLATOR, sigma=0.1, noise={"drive": 1.0, 1: 0.5}),
+        chain(Restitution(sd=0.05, least=0.8, speed=2.0), 0.1),
+        chain(Restitution(table=[(0.5, 0.8), (2.0, 0.6)]), 0.1),
     ],
 )
 def test_its_repr_and_its_toml_make_a_scene_again_to_the_last_bit(scene):
