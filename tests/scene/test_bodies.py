@@ -9,7 +9,7 @@ import mpmath
 import numpy as np
 import pytest
 from oracle import gearbox
-from scenes import FOUR, ORDERS, OSCILLATOR, THREE, dat21, tree
+from scenes import FOUR, ORDERS, THREE, dat21, tree
 from scipy.integrate import solve_ivp
 
 from rattle.closure import mean_map
@@ -265,7 +265,7 @@ def test_a_free_oscillator_keeps_its_energy_but_for_impacts(walls):
 
 
 def test_the_intensity_of_one_noise_of_several_is_a_value():
-    scene = replace(OSCILLATOR, noise={"drive": 1.0, 1: 0.5})
+    scene = replace(OSCILLATORS["one wall"], noise={"drive": 1.0, 1: 0.5})
     assert "noise.1" in parameter_names(scene)
     assert change(scene, {"noise.1": 0.7}) == replace(scene, noise={"drive": 1.0, 1: 0.7})
 
