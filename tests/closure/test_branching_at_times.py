@@ -7,11 +7,12 @@ import numpy as np
 import pytest
 from limits import LEEWAY
 from random_gears import gear_sets, noisy
+from refusals import refusal
 from scenes import dat21
 
 from rattle.closure import follow, mean_map
 from rattle.montecarlo import Record, simulate
-from rattle.scene import InputError, Tolerance, state_names
+from rattle.scene import Tolerance, state_names
 
 BRANCHED_IMPACTS = 6
 ONE_STAGE_SET, TWO_STAGE_SET = (
@@ -106,5 +107,5 @@ def test_as_many_flights_are_followed_as_the_time_asks_for():
     # the label "on the orbit" ends with the orbit that is asked for, so components merge a little
     # differently
     np.testing.assert_allclose(m.at_times([time]), further.at_times([time]), rtol=5e-3, atol=1e-3)
-    with pytest.raises(InputError, match="lies outside the times followed"):
+    with refusal("lies outside the times followed"):
         m.at_times([time + 0.1])

@@ -5,9 +5,9 @@ import pandas as pd
 import pytest
 from places import RESULTS
 from random_gears import gear_sets, noisy
+from refusals import refusal
 from scenes import dat21
 
-from rattle import InputError
 from rattle.closure import mean_map
 from rattle.montecarlo import simulate
 from rattle.scene import Scene, Start
@@ -66,12 +66,12 @@ def test_bounds_by_quantity_are_behind_the_columns(quiet):
 
 @pytest.mark.parametrize("tolerance", [0.0, -0.1, float("nan"), "little"])
 def test_a_tolerance_is_positive(quiet, tolerance):
-    with pytest.raises(InputError, match="tolerance"):
+    with refusal("tolerance"):
         mean_map(quiet.scene, impacts=2, closure="branching", tolerance=tolerance)
 
 
 def test_only_branching_refines(quiet):
-    with pytest.raises(InputError, match="cannot refine itself; leave it out, or use branching"):
+    with refusal("cannot refine itself; leave it out, or use branching"):
         mean_map(quiet.scene, impacts=2, tolerance=0.05)
 
 

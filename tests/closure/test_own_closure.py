@@ -8,9 +8,10 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
+from refusals import refusal
 from scenes import dat21
 
-from rattle import Closure, InputError, mean_map, validate
+from rattle import Closure, mean_map, validate
 from rattle.closure import CLOSURES
 
 KNOWN_SCENE = dat21(0.02)
@@ -100,7 +101,7 @@ def frame(**columns):
     ],
 )
 def test_a_table_that_cannot_be_read_is_refused_by_field_value_and_remedy(function, message):
-    with pytest.raises(InputError, match=message):
+    with refusal(message):
         mean_map(KNOWN_SCENE, impacts=2, closure=function)
 
 
@@ -121,7 +122,7 @@ def test_a_table_that_cannot_be_read_is_refused_by_field_value_and_remedy(functi
     ],
 )
 def test_what_cannot_be_a_closure_is_refused(arguments, message):
-    with pytest.raises(InputError, match=message):
+    with refusal(message):
         Closure(*arguments)
 
 
@@ -139,7 +140,7 @@ def test_what_cannot_be_a_closure_is_refused(arguments, message):
     ],
 )
 def test_what_names_no_closure_is_refused(given, message):
-    with pytest.raises(InputError, match=message):
+    with refusal(message):
         mean_map(KNOWN_SCENE, closure=given)
 
 
@@ -148,18 +149,18 @@ def test_two_closures_of_one_name_are_refused_and_one_given_twice_is_one():
         KNOWN_SCENE, impacts=1, closures=["saltation", copy, copy, "saltation"], paths=64
     )
     assert list(found.predictions) == ["saltation", "copy"]
-    with pytest.raises(InputError, match="closures = 'copy': is the name of two closures"):
+    with refusal("closures = 'copy': is the name of two closures"):
         validate(KNOWN_SCENE, closures=[copy, Closure("copy", frame(tau=[0.5]))])
 
 
 def test_missing_columns_and_stages_are_those_that_it_says():
-    with pytest.raises(InputError, match="'sd_tau' is missing; return it too"):
+    with refusal("'sd_tau' is missing; return it too"):
         mean_map(
             KNOWN_SCENE,
             impacts=2,
             closure=Closure("mine", table(tau=[0.5, 0.9]), predicts=["tau", "sd_tau"]),
         )
-    with pytest.raises(InputError, match=r"scene\.stages = 2: closure 'mine' is made for 1 wheel"):
+    with refusal(r"scene\.stages = 2: closure 'mine' is made for 1 wheel"):
         mean_map(KNOWN_SCENE, impacts=2, closure=Closure("mine", copy, stages=1))
 
 

@@ -5,11 +5,12 @@ from dataclasses import replace
 
 import pytest
 from mc_checks import stepped as simulate
+from refusals import refusal
 from scenes import dat21
 from settings import LOCATED, recorded
 
 from rattle.montecarlo import Sampling, largest_step, simulate_rare, simulate_to
-from rattle.scene import InputError, Order, Scene, Start, Tolerance, Wheel
+from rattle.scene import Order, Scene, Start, Tolerance, Wheel
 
 FAST_ORDER = dat21(0.1, drive=(Order(50),))
 LONG_MEMORY, SHORT = (dat21(0.1, correlation_time=theta) for theta in (1.0, 0.01))
@@ -83,7 +84,7 @@ def test_bad_input_is_refused_before_any_block_runs(case, monkeypatch):
     settings, words = BAD_SETTINGS[case]
     for name in ("kernel.blocks.run", "settings.sample"):
         monkeypatch.setattr(f"rattle.montecarlo.{name}", lambda *_: pytest.fail("work was done"))
-    with pytest.raises(InputError, match=words):
+    with refusal(words):
         simulated(**settings)
 
 
@@ -104,7 +105,7 @@ def test_step_is_limited_by_damping_excitation_and_the_impacts_that_it_may_hold(
     start = Start(0.0, 0.0, 2.0 if change is NARROW else 1e-3)
     scene = replace(STEADY, start=start, **change)
     assert largest_step(scene, scheme) == (pytest.approx(limit), why)
-    with pytest.raises(InputError, match=why.removeprefix("a longer step ")):
+    with refusal(why.removeprefix("a longer step ")):
         simulated(scene=scene, scheme=scheme, dt=1.02 * limit)
 
 
@@ -132,14 +133,14 @@ def test_too_long_a_default_step_is_shortened_and_said_to_be():
     run = simulated(scene=scene, horizon=0.05)
     assert run.dt == largest_step(scene, "euler-maruyama-located")[0] < 2e-3
     assert run.diagnostics[0].startswith("dt = 0.000339 in place of the scheme's 0.002: ")
-    with pytest.raises(InputError, match=r"dt = 0.002: must be at most 0.000339: .* noise throw"):
+    with refusal(r"dt = 0.002: must be at most 0.000339: .* noise throw"):
         simulated(scene=scene, dt=2e-3)
 
 
 def test_run_that_could_not_end_is_refused_or_given_up_early():
     narrow = replace(STEADY, gap1=1e-8, start=Start(0.0, 1e-8, 1.0, mesh=1), beta1=0.0)
     said = r"horizon = 600.0: must be at most 5, 1e\+09 steps of 5e-09; .* h$"
-    with pytest.raises(InputError, match=said):
+    with refusal(said):
         simulated(scene=narrow, horizon=600.0, scheme="euler-maruyama", dt=5e-9)
     slow = replace(narrow, start=Start(0.0, 0.0, 1e-12))
     run = simulated(scene=slow, paths=1, dt=1e-6, scheme="euler-maruyama")
@@ -147,10 +148,10 @@ def test_run_that_could_not_end_is_refused_or_given_up_early():
 
 
 def test_rare_branches_are_of_white_noise():
-    with pytest.raises(InputError, match="with white noise only"):
+    with refusal("with white noise only"):
         simulate_rare(LONG_MEMORY, paths=10, impacts=2)
 
 
 def test_an_accuracy_chooses_how_paths_are_sampled():
-    with pytest.raises(InputError, match="give a Sampling with blocks alone"):
+    with refusal("give a Sampling with blocks alone"):
         simulate_to(dat21(0.1), 0.1, sampling=Sampling(control=True))

@@ -2,7 +2,6 @@
 styles."""
 
 import pytest
-from commands import rattle
 from sample_page import NASTY, RECORD, Report, Table, figures, sample, write_page
 
 COLUMN = (
@@ -29,12 +28,9 @@ def nasty(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def report(tmp_path_factory):
+def report(validated):
     """A report of the command itself."""
-    out = tmp_path_factory.mktemp("report") / "r"
-    words = "--sigma 0.1 --paths 600 --impacts 3 --dt 0.01 --over sigma=0.01:1:2"
-    rattle(f"validate {words} --validity-paths 600 --out {out}")
-    return out / "report.html"
+    return validated / "report.html"
 
 
 @pytest.mark.parametrize("width", [1280, 390])

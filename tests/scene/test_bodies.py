@@ -9,6 +9,7 @@ import mpmath
 import numpy as np
 import pytest
 from oracle import gearbox
+from refusals import refusal, refusal_in_words
 from scenes import FOUR, ORDERS, THREE, dat21, tree
 from scipy.integrate import solve_ivp
 
@@ -353,9 +354,8 @@ name = "mass"
 def test_an_error_in_a_file_names_body_line_and_remedy(tmp_path, key, said):
     path = tmp_path / "bodies.toml"
     path.write_text(TWO_BODIES + key)
-    with pytest.raises(InputError) as caught:
+    with refusal_in_words(said):
         Scene.load(path)
-    assert said in str(caught.value)
 
 
 @pytest.mark.parametrize(
@@ -368,7 +368,7 @@ def test_a_value_of_a_body_by_its_name(name):
     assert parameter.scene_at(3.0).wheels == (replace(ON_SPRING, stiffness=3.0),)
     axes = read_axes([{name: [1.0, 2.0]}, {"body.mass.gap": [0.5, 0.6]}], scene)
     assert [axis.names for axis in axes] == [("body.mass.stiffness",), ("body.mass.gap",)]
-    with pytest.raises(InputError, match=r"did you mean 'body\.mass\.stiffness'"):
+    with refusal(r"did you mean 'body\.mass\.stiffness'"):
         find_parameter(scene, name.replace("ness", "nes"))
 
 
@@ -386,6 +386,5 @@ def test_the_closures_of_the_paper_are_for_gears(closure):
     scene = Scene(
         alpha=0.0, epsilon=0.8, wheels=[Wheel(**BALL_VALUES)], start=Start(0.0, 0.0, -3.0)
     )
-    with pytest.raises(InputError, match=f"{closure} is the paper's") as caught:
+    with refusal(f"{closure} is the paper's", "scene"):
         mean_map(scene, impacts=2, closure=closure)
-    assert caught.value.field == "scene"

@@ -3,9 +3,10 @@
 from dataclasses import replace
 
 import pytest
+from refusals import refusal
 from scenes import BESIDE_ALPHA, dat21
 
-from rattle import Gears, InputError, Order, Scene, Start, Tolerance
+from rattle import Gears, Order, Scene, Start, Tolerance
 from rattle.scene.changes import change, find_value
 
 IN_RAD = Gears.driven(amplitude_rad=0.01, driver_radius=30.0, speed_rpm=800.0, **BESIDE_ALPHA)
@@ -78,5 +79,5 @@ def test_a_tolerance_in_mm_as_a_drawing_has_it():
     ],
 )
 def test_refusals(scene, changes, message):
-    with pytest.raises(InputError, match=message):
+    with refusal(message):
         scene.with_gears(**changes)

@@ -6,9 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from refusals import refusal, refusal_in_words
 
 import rattle.scene
-from rattle.scene import DAT21, Gears, InputError, Scene
+from rattle.scene import DAT21, Gears, Scene
 from rattle.scene.changes import change, find_value, unit_of_value, words_of_value
 
 BOX_TEXT = """\
@@ -188,22 +189,18 @@ LONE_WHEEL = "\n[[wheel]]\ninertia = 700.0\nradius = 25.0\n"
 def test_a_gearbox_that_cannot_be_is_refused_by_wheel_value_and_remedy(tmp_path, text, words):
     path = tmp_path / "box.toml"
     path.write_text(text)
-    with pytest.raises(InputError) as caught:
+    with refusal_in_words(str(path), words):
         Scene.load(path)
-    assert words in str(caught.value)
-    assert str(path) in str(caught.value)
 
 
 def test_a_second_radius_of_the_driver_needs_the_first():
     wheel = {"inertia": 900.0, "radius": 30.0, "backlash": 0.1}
     others = {"amplitude": 0.3, "omega": 180.0, "epsilon": 0.5}
-    with pytest.raises(
-        InputError, match=r"wheel\.2\.parent_radius = 40\.0: give the driver's radius"
-    ):
+    with refusal(r"wheel\.2\.parent_radius = 40\.0: give the driver's radius"):
         Gears.driven(wheels=[wheel, wheel | {"parent_radius": 40.0}], **others)
     box = Gears.driven(
         wheels=[wheel | {"parent_radius": 32.0}, wheel | {"parent_radius": 40.0}], **others
     )
     assert [w.ratio for w in Scene.from_gears(box).wheels] == [1.0, 1.25]
-    with pytest.raises(InputError, match=r"driver_radius = 30\.0: wheel 1 has parent_radius too"):
+    with refusal(r"driver_radius = 30\.0: wheel 1 has parent_radius too"):
         Gears.driven(wheels=box.wheels, driver_radius=30.0, **others)

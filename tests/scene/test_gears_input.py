@@ -6,9 +6,10 @@ import re
 from dataclasses import replace
 
 import pytest
+from refusals import refusal, refusal_in_words
 from scenes import BESIDE_ALPHA
 
-from rattle.scene import DAT21, Gears, InputError, Scene, Start, Tolerance
+from rattle.scene import DAT21, Gears, Scene, Start, Tolerance
 
 DAT21_TEXT = "[gears]\n" + "".join(f"{name} = {value!r}\n" for name, value in BESIDE_ALPHA.items())
 MOVING = "alpha = 1.5\nspeed_rpm = 800.0\ndriver_radius = 30.0\n"
@@ -104,9 +105,8 @@ def test_the_drive_is_given_as_alpha_or_as_an_amplitude(tmp_path, drive):
     ],
 )
 def test_a_drive_or_tolerance_is_refused_in_words(drive, words):
-    with pytest.raises(InputError) as caught:
+    with refusal_in_words(words):
         Scene.from_toml(DAT21_TEXT + drive)
-    assert words in str(caught.value)
 
 
 def test_the_tolerance_of_a_drawing_is_that_of_the_full_backlash():
@@ -130,11 +130,9 @@ def test_a_single_stage_needs_no_second_wheel_and_invents_none():
     assert scene.tree == Scene.from_gears(DAT21, stages=1).tree
     assert not re.search("(inertia|radius|backlash|damping|torque)2", scene.to_toml() + repr(scene))
     assert Scene.from_toml(scene.to_toml()).gears == scene.gears
-    with pytest.raises(
-        InputError, match=r"gears = \['inertia2', 'radius2'\]: .* write stages = 1 in \[scene\]"
-    ):
+    with refusal(r"gears = \['inertia2', 'radius2'\]: .* write stages = 1 in \[scene\]"):
         Scene.from_toml(FIRST_WHEEL_TEXT)
-    with pytest.raises(InputError, match=r"gears\.tolerance\.backlash2 = 0\.1: belongs to wheel 2"):
+    with refusal(r"gears\.tolerance\.backlash2 = 0\.1: belongs to wheel 2"):
         Scene.from_toml(
             FIRST_WHEEL_TEXT + "[gears.tolerance]\nbacklash2 = 0.1\n[scene]\nstages = 1"
         )
@@ -166,7 +164,7 @@ def test_what_acts_on_no_wheel_is_left_out_and_what_is_missing_is_named():
     assert Scene.from_toml(scene.to_toml()).gears == plain
     for line in lines[1:]:
         name = line.split()[0]
-        with pytest.raises(InputError, match=rf"gears = \['{name}'\]: these keys are missing"):
+        with refusal(rf"gears = \['{name}'\]: these keys are missing"):
             Scene.from_toml("\n".join(other for other in lines if other != line))
 
 
@@ -196,10 +194,8 @@ def load_changed(tmp_path, changes):
 def test_gears_that_cannot_be_are_questioned_in_the_users_unit(
     tmp_path, changes, field, conversion
 ):
-    with pytest.raises(InputError) as caught:
+    with refusal_in_words(conversion, field=field):
         load_changed(tmp_path, changes)
-    assert caught.value.field == field
-    assert conversion in str(caught.value)
 
 
 @pytest.mark.parametrize(
@@ -230,11 +226,9 @@ def test_only_what_was_written_in_a_file_is_questioned(tmp_path):
         "damping1 = 100.0", "damping1 = 0.0"
     )
     assert Scene.from_toml(text + "alpha = 1.5").beta1 == 0.0
-    with pytest.raises(
-        InputError, match=r"mine\.toml, line 4: gears\.inertia1 = 0\.004: is too little"
-    ) as caught:
+    said = "mine.toml, line 4: gears.inertia1 = 0.004: is too little"
+    with refusal_in_words(said, field="gears.inertia1"):
         Scene.load(written(tmp_path, text + "alpha = 1.5"))
-    assert caught.value.field == "gears.inertia1"
 
 
 @pytest.mark.parametrize(
@@ -248,10 +242,8 @@ def test_only_what_was_written_in_a_file_is_questioned(tmp_path):
     ],
 )
 def test_what_follows_from_gears_is_refused_by_their_fields(changes, field, parameter):
-    with pytest.raises(InputError) as caught:
+    with refusal_in_words(parameter, field=field):
         Scene.from_gears(replace(DAT21, **changes))
-    assert caught.value.field == field
-    assert parameter in str(caught.value)
 
 
 @pytest.mark.parametrize(
@@ -268,9 +260,8 @@ def test_what_follows_from_gears_is_refused_by_their_fields(changes, field, para
     ],
 )
 def test_an_unknown_keyword_suggests_the_nearest(make, words):
-    with pytest.raises(InputError) as caught:
+    with refusal_in_words(words):
         make()
-    assert words in str(caught.value)
 
 
 @pytest.mark.parametrize(
@@ -304,7 +295,5 @@ def test_an_unknown_keyword_suggests_the_nearest(make, words):
     ],
 )
 def test_an_error_from_a_file_names_file_line_and_key(tmp_path, text, where):
-    with pytest.raises(InputError) as caught:
+    with refusal_in_words("mine.toml", where.removeprefix("mine.toml")):
         Scene.load(written(tmp_path, text))
-    assert where in str(caught.value)
-    assert str(caught.value).startswith(str(tmp_path / "mine.toml"))

@@ -10,10 +10,10 @@ import pytest
 from commands import rattle
 from matplotlib.path import Path as Polygon
 from places import ROOT
+from refusals import refusal
 from scenes import dat21
 
 from rattle import (
-    InputError,
     Record,
     Scene,
     Start,
@@ -280,7 +280,7 @@ DYING = Scene(**PLAIN_VALUES | {"alpha": 0.01}, epsilon=0.5, sigma=0.001)
     ],
 )
 def test_bad_settings(scene, settings, message):
-    with pytest.raises(InputError, match=message):
+    with refusal(message):
         animate(scene, **settings)
 
 

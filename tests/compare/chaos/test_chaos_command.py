@@ -5,6 +5,7 @@ import json
 import pandas as pd
 import pytest
 from commands import rattle
+from places import ORDINARY_PAIR
 
 CHAOS_FILES = (
     "manifest.json chaos.md chaos.html"
@@ -46,10 +47,10 @@ def test_one_stage_and_weak_noise_say_what_is_missing(tmp_path):
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("undrawn")
-def test_what_gears_that_stick_do_not_have_is_left_out_with_its_reason(pair, tmp_path):
+def test_what_gears_that_stick_do_not_have_is_left_out_with_its_reason(tmp_path):
     out = tmp_path / "out"
     least = "chaos --points 500 --impacts 20000 --events 128 --width 0.5"
-    printed = rattle(f"{least} {pair} --no-sweep --out {out}").output
+    printed = rattle(f"{least} {ORDINARY_PAIR} --no-sweep --out {out}").output
     for text in (printed, (out / "chaos.md").read_text(encoding="utf-8")):
         assert "the spectra of the orbit (the orbit sticks often)" in text
         assert "give " not in text

@@ -1,11 +1,9 @@
 """Every command that takes a scene, on an engineer's gear pair, whose motion sticks."""
 
-from pathlib import Path
-
 import pytest
 from commands import commands, rattle
+from places import ORDINARY_PAIR
 
-HERE = Path(__file__).parent
 SMALL_ON_PAIR = {
     "animate": "--impacts 5 --out",
     "assess": "--budget 5 --out",
@@ -34,8 +32,8 @@ def test_these_are_all_commands_that_take_a_scene():
 
 @pytest.mark.usefixtures("undrawn")
 @pytest.mark.parametrize("command", COMMANDS_ON_PAIR)
-def test_every_command_runs(command, pair, tmp_path):
-    words = f"{command} {pair} {SMALL_ON_PAIR[command]}"
+def test_every_command_runs(command, tmp_path):
+    words = f"{command} {ORDINARY_PAIR} {SMALL_ON_PAIR[command]}"
     if not words.endswith("--out"):
         rattle(words)
         return

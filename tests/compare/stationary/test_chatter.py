@@ -5,6 +5,7 @@ import math
 
 import numpy as np
 import pytest
+from places import ORDINARY_PAIR
 
 import rattle as rt
 from rattle.closure.stationary import Law
@@ -16,9 +17,9 @@ from rattle.scene import Scene
 
 
 @pytest.fixture(scope="module")
-def found(pair):
+def found():
     closures = ["published", "saltation"]
-    return rt.stationary(Scene.load(pair), periods=64, paths=32, closures=closures)
+    return rt.stationary(Scene.load(ORDINARY_PAIR), periods=64, paths=32, closures=closures)
 
 
 def test_impacts_above_the_threshold_stand_first(found):

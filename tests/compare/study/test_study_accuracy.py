@@ -4,7 +4,7 @@ cell runs for ever."""
 import pandas as pd
 import pytest
 from commands import rattle
-from places import EXAMPLES
+from places import EXAMPLES, ORDINARY_PAIR
 from scenes import dat21
 from studies import Sample, study_text
 
@@ -49,7 +49,7 @@ ASKED_SCENES = {
     "rare branches": (dat21(0.1), 0.02, 12),  # 30 times as many plain paths
     "tolerances": (Scene.load(EXAMPLES / "drawing-tolerances.toml"), 0.03, 12),
     "single stage": (Scene.load(EXAMPLES / "single-stage.toml"), 0.02, 12),
-    "chatter": (Scene.load(EXAMPLES.parent / "tests" / "compare" / "cli" / "pair.toml"), 0.05, 6),
+    "chatter": (Scene.load(ORDINARY_PAIR), 0.05, 6),
 }
 
 

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from refusals import refusal
 from scenes import dat21
 
 from rattle import Sampling, Tolerances, validate
@@ -18,7 +19,7 @@ from rattle.compare.validation.errors import section_errors
 from rattle.montecarlo import simulate
 from rattle.montecarlo.diagnostics.accuracy import error_bound, units
 from rattle.montecarlo.statistics.intervals import ABSOLUTE, widest
-from rattle.scene import InputError, Scene
+from rattle.scene import Scene
 
 SMALL_NOISE_IMPACTS = 3
 NOISELESS = {
@@ -118,5 +119,5 @@ def walled():
 def test_a_claim_of_the_wall_alone_is_refused(walled):
     quantity = f"x{walled.section.loc[1, 'mesh']}"
     claim = read_claim({"scene": WALLED, "impacts": [1], "quantities": quantity}, Path())
-    with pytest.raises(InputError, match="none of these rows has a verdict"):
+    with refusal("none of these rows has a verdict"):
         errors_of(predict("saltation", claim), walled, claim)
