@@ -93,14 +93,14 @@ def test_an_orbit_at_rest_has_no_itinerary_and_says_so():
 def test_how_it_is_known_how_many_leave_is_settled_before_they_are_counted(
     paths, pilots, monkeypatch
 ):
-    """Some of the runs count `ENOUGH_EXITS` paths that left, others fewer: all are treated
+    """One of the runs counts `ENOUGH_EXITS` paths that left, the other fewer: both are treated
     alike.
     """
     asked = []
     found = validate(WITH_BRANCH, impacts=IMPACTS, closures=["saltation"], paths=1024).run.leaving
     monkeypatch.setattr(Ensemble, "leaving", property(lambda run: asked.append(run) or found))
     counts = []
-    for seed in range(12):
+    for seed in (3, 8):
         v = validate(
             WITH_BRANCH,
             impacts=IMPACTS,
@@ -112,4 +112,4 @@ def test_how_it_is_known_how_many_leave_is_settled_before_they_are_counted(
         v.leaving("saltation")
         counts.append(paths * (1.0 - v.run.agreement["saltation"][IMPACTS]))
     assert min(counts) < ENOUGH_EXITS < max(counts)
-    assert len({id(run) for run in asked}) == 12 * pilots
+    assert len({id(run) for run in asked}) == 2 * pilots

@@ -106,6 +106,7 @@ def test_nothing_is_said_where_the_motion_goes_on_above_the_threshold():
     assert describe_transient(scene) == ""
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_every_command_says_it_first(tmp_path):
     path = tmp_path / "quiet.toml"
     path.write_text(one(9000.0, sigma=0.02).to_toml())
