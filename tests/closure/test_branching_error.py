@@ -13,7 +13,7 @@ from rattle.montecarlo import simulate
 from rattle.scene import Scene, Start
 
 # 0.85 % of the paths leave the itinerary at impact 7, and carry all of the sds at impact 8
-RARE = noisy(
+RARE_EXIT = noisy(
     Scene(
         alpha=0.996160573704388,
         epsilon=0.6139620195274591,
@@ -99,7 +99,7 @@ def test_bounds_hold_against_exact_flights():
 def test_a_branch_that_carries_an_sd_is_weighed_or_doubted(tolerance):
     """Its weight was 0.57 % at coarse levels that agreed: sds too small by 18 %, beside a bound of
     0.2 %."""
-    m = mean_map(RARE, impacts=8, closure="branching", tolerance=tolerance)
+    m = mean_map(RARE_EXIT, impacts=8, closure="branching", tolerance=tolerance)
     for quantity, (sd, se) in RARE_SD.items():
         error = abs(m.section[f"sd_{quantity}"].loc[8] - sd) / sd
         assert error < m.errors["sd"].loc[8, quantity] + 3.0 * se / sd

@@ -7,7 +7,6 @@ from rattle.scene import section_names
 FAINTEST = 1e-289  # smallest power of an sd that can be a divisor
 SLACK = 1e-9  # relative rounding error of a correlation and of an eigenvalue
 JUDGED = ["accurate", "inaccurate", "undecided"]
-Ended = tuple[str, str]
 SIMPLE = {
     "scene": {
         "alpha": 1.5,

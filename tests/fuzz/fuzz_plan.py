@@ -2,7 +2,8 @@
 rarely."""
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from itertools import accumulate
+from typing import NamedTuple
 
 from fuzz_space import LEAST, Numbers, any_scene
 
@@ -15,7 +16,6 @@ DEFAULT_STEPS = 10**7
 # steps of the default horizon above which entries without another horizon are tried rarely
 SOON = 1e5
 CODES = {1: (1, -1), 2: (1, -1, 2, -2)}  # of impacts, by number of wheels
-Settings = dict[str, Any]
 
 
 def built(data):
@@ -105,7 +105,7 @@ class Tried(NamedTuple):
     for the horizon."""
 
     share: float
-    settings: Callable[[Numbers, Scene], Settings]
+    settings: Callable
     waits: bool = False
 
 
@@ -130,7 +130,7 @@ PLAN = {
 """Every entry point: the API, scene files, the command line, studies; the last two read back what
 was written."""
 
-_EDGES = [sum(tried.share for tried in list(PLAN.values())[: i + 1]) for i in range(len(PLAN))]
+_EDGES = list(accumulate(tried.share for tried in PLAN.values()))
 
 
 def job(seed, number, entry=""):

@@ -7,7 +7,6 @@ example.
 """
 
 import math
-from typing import Any, TypeVar
 
 import numpy as np
 
@@ -21,8 +20,6 @@ LARGEST_DAMPING = 1e4
 LARGEST_TIME = 1e12
 BELOW_ONE = 1.0 - 2.0**-53
 SIZES = (1e-12, 1e12)  # of a gear
-Data = dict[str, Any]
-T = TypeVar("T")
 
 
 class Numbers:

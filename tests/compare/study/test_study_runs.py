@@ -4,7 +4,6 @@ import json
 import re
 import signal
 import time
-from dataclasses import replace
 
 import pandas as pd
 import pytest
@@ -12,9 +11,10 @@ from commands import rattle, study
 from figures import leave_undrawn
 from programs import start
 from refusals import refusal
+from scenes import RARE
 from studies import CELLS_FOLDER, compute, study_text
 
-from rattle import DAT21, Scene, Study, Tolerances, load_study
+from rattle import Study, Tolerances, load_study
 from rattle.compare.study.impacts_page import answer
 
 COMMAND = ("-m", "rattle.compare.cli.main", "study", "--workers", "1")
@@ -234,11 +234,10 @@ def test_rare_branches_are_sampled_where_asked_for(tmp_path):
     """Three in a million paths make the sd of y1 at impact 11 3.8 times that of `saltation`: plain
     paths see none."""
     head = 'title = "rare"\nimpacts = 11\nclosures = ["saltation"]\npaths = 8192\n'
-    scene = Scene.from_gears(replace(DAT21, alpha=2.398)).to_toml()
     axis = "[[axes]]\nsigma = [0.0, 0.00225778]\n"
     plain, near = (
         compute(
-            Study.from_toml(f"[study]\n{head}near_branches = {name}\n{scene}{axis}"),
+            Study.from_toml(f"[study]\n{head}near_branches = {name}\n{RARE.to_toml()}{axis}"),
             tmp_path / name,
         ).errors.query("moment == 'sd'")
         for name in ("false", "true")
