@@ -8,7 +8,7 @@ from click.testing import CliRunner
 
 from rattle.compare.cli.main import main
 
-__all__ = ["commands", "main", "rattle", "strict", "study"]
+__all__ = ["commands", "main", "manifest_of", "rattle", "strict", "study"]
 
 STUDY = """
 [study]
@@ -52,6 +52,11 @@ def rattle(line, *words, code=0, **settings):
     assert done.exit_code == code, done.output
     assert "Traceback" not in done.output
     return done
+
+
+def manifest_of(folder):
+    """What a report says of how it was made."""
+    return json.loads((folder / "manifest.json").read_text())
 
 
 def strict(text):

@@ -1,9 +1,8 @@
 """The animation in a real browser: loading, layout, one flash for each impact, bodies on their
 walls, controls, reduced motion."""
 
-from pathlib import Path
-
 import pytest
+from places import EXAMPLES
 from scenes import dat21
 
 from rattle import Scene, animate
@@ -79,7 +78,7 @@ CLEAR = """(i => {
 
 @pytest.mark.parametrize("name", ["ball", "oscillator", "impact-pair"])
 def test_a_body_is_on_its_wall_at_an_impact_and_never_beyond(browser, name, tmp_path):
-    scene = Scene.load(Path(__file__).parents[2] / "examples" / f"{name}.toml")
+    scene = Scene.load(EXAMPLES / f"{name}.toml")
     drawn = animate(scene, impacts=6, rng=1)
     browser.open(drawn.save(tmp_path / "bodies.html"), 390)
     assert browser.complaints() == []

@@ -1,10 +1,8 @@
 """The folder of ``rattle chaos``, and what it says is missing."""
 
-import json
-
 import pandas as pd
 import pytest
-from commands import rattle
+from commands import manifest_of, rattle
 from places import ORDINARY_PAIR
 
 CHAOS_FILES = (
@@ -25,7 +23,7 @@ def test_a_folder_of_chaos_is_whole_and_said_in_a_few_lines(tmp_path):
     exponents = pd.read_csv(out / "exponents.csv")
     sweep = pd.read_csv(out / "sweep.csv")
     assert sorted(sweep["alpha"].unique()) == [0.3, 0.9, 1.5]
-    answer = json.loads((out / "manifest.json").read_text())["answer"]
+    answer = manifest_of(out)["answer"]
     assert answer == done.stdout.splitlines()[:-1]
     assert len(answer) < 10
     largest = exponents.query("of == 'orbit'")["value"].max()

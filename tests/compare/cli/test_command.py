@@ -5,7 +5,7 @@ import json
 
 import pandas as pd
 import pytest
-from commands import rattle
+from commands import manifest_of, rattle
 from places import ROOT
 from scenes import dat21
 
@@ -18,18 +18,13 @@ REPORT_FILES = (
 )
 
 
-def read(folder):
-    """The manifest of a report."""
-    return json.loads((folder / "manifest.json").read_text())
-
-
 def test_report_folder_is_complete(validated):
     assert {path.name for path in validated.iterdir()} == set(REPORT_FILES.split())
     assert len(list((validated / "figures").glob("*.svg"))) == 2 * 3 + 2
 
 
 def test_page_begins_with_the_answer(validated):
-    answer = read(validated)["answer"]
+    answer = manifest_of(validated)["answer"]
     page = (validated / "report.md").read_text()
     assert "| accurate up to impact | not shown wrong up to |" in page
     places = [answer[0], "figures/validity.svg", answer[1], answer[-1], "##"]
@@ -38,7 +33,7 @@ def test_page_begins_with_the_answer(validated):
 
 def test_show_says_what_the_report_says(validated):
     shown = rattle(f"show {validated} --width 5000").stdout
-    record = read(validated)
+    record = manifest_of(validated)
     for sentence in (*record["answer"], record["repeat"], record["table_sha256"]):
         assert sentence.replace("`", "") in shown
 
@@ -90,6 +85,6 @@ def test_a_folder_with_other_things_is_not_replaced(tmp_path):
 
 def test_the_committed_report_has_the_table_of_its_manifest():
     folder = ROOT / "reports" / "dat21"
-    record = read(folder)
+    record = manifest_of(folder)
     digest = hashlib.sha256((folder / "table.csv").read_bytes()).hexdigest()
     assert digest == record["table_sha256"]

@@ -1,12 +1,11 @@
 """``rattle validate`` answers for the file's own noise first, and its sweep over σ follows a
 budget."""
 
-import json
 import re
 
 import pandas as pd
 import pytest
-from commands import rattle
+from commands import manifest_of, rattle
 from scenes import dat21
 
 from rattle import validate
@@ -30,7 +29,7 @@ def test_an_interrupt_of_the_sweep_leaves_a_whole_page_that_says_what_is_missing
     assert done.stdout.startswith("For this gear pair")
     unfinished = f"the page is written, without the range of validity: {out / 'report.html'}"
     assert unfinished in done.stderr
-    record = json.loads((out / "manifest.json").read_text())
+    record = manifest_of(out)
     assert record["answer"][-1].startswith("The range of validity over σ is missing: ")
     assert record["answer"][-1] in (out / "report.md").read_text()
     again = rattle(f"validate --repeat {out / 'manifest.json'} --out {tmp_path / 'again'}")

@@ -6,13 +6,13 @@ import json
 import unicodedata
 from contextlib import redirect_stdout
 from inspect import signature
-from pathlib import Path
 
 import pytest
 from click.shell_completion import ShellComplete
 from commands import commands, rattle
 from hypothesis import given
 from hypothesis import strategies as st
+from places import EXAMPLES
 
 from rattle import DAT21, Scene, boundary, boundary_map, simulate
 from rattle.closure import CLOSURES
@@ -30,7 +30,7 @@ from rattle.montecarlo.accuracy.simulate_to import INSTEAD
 from rattle.montecarlo.long_run.run import ASKED, LONG_RUN_ACCURACY, LONG_RUN_PATHS, SET_PATHS
 from rattle.montecarlo.schemes.quiet import QUIET_SHARE
 
-EXAMPLE_FILES = sorted((Path(__file__).parents[3] / "examples").glob("*.toml"))
+EXAMPLE_FILES = sorted(EXAMPLES.glob("*.toml"))
 
 
 def complete(words, begin=""):

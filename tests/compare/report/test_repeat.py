@@ -8,7 +8,7 @@ import shutil
 import numpy as np
 import pandas as pd
 import pytest
-from commands import rattle
+from commands import manifest_of, rattle
 from figures import leave_undrawn
 
 from rattle.compare.report import manifest, provenance
@@ -56,7 +56,7 @@ def elsewhere(report, folder, change, versions=None, file="table.csv"):
     shutil.copytree(report, folder)
     table = change(pd.read_csv(folder / file))
     table.to_csv(folder / file, index=False)
-    data = json.loads((folder / "manifest.json").read_text())
+    data = manifest_of(folder)
     data[file.replace(".csv", "_sha256")] = manifest.digest((folder / file).read_text())
     merged = data["versions"] | (versions or {})
     data["versions"] = {name: version for name, version in merged.items() if version is not None}

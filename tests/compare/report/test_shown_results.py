@@ -1,7 +1,6 @@
 """Results show themselves in a few lines, draw and report themselves, and come in physical units
 and as datasets."""
 
-import json
 import pickle
 from dataclasses import replace
 from functools import partial
@@ -12,6 +11,7 @@ import nbformat
 import numpy as np
 import pandas as pd
 import pytest
+from commands import manifest_of
 from matplotlib.figure import Figure
 from nbclient import NotebookClient
 from refusals import refusal
@@ -118,7 +118,7 @@ def test_a_report_from_python(results, tmp_path):
     result = results["validation"]
     written = result.report(tmp_path / "mine")
     assert written.name == "report.html"
-    record = json.loads((tmp_path / "mine" / "manifest.json").read_text())
+    record = manifest_of(tmp_path / "mine")
     assert record["settings"]["seed"] == 7
     with pytest.raises(OutputError, match="mine"):
         result.report(tmp_path / "mine")

@@ -2,10 +2,10 @@
 
 import json
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
 from commands import rattle
+from places import ROOT
 from refusals import refusal
 from scenes import dat21
 
@@ -69,7 +69,7 @@ def test_over_a_value_of_the_gears_all_is_in_physical_units(tmp_path):
 
 
 def test_a_study_over_two_fields_has_a_figure_for_each_value_of_the_second():
-    tables = rt.load_study(Path(__file__).parents[3] / "reports" / "studies" / "long-memory")
+    tables = rt.load_study(ROOT / "reports" / "studies" / "long-memory")
     values = sorted(tables.quantities["correlation_time"].unique())
     assert values[0] == 0.0  # beside which the axis is logarithmic
     ax = tables.plot(sigma=tables.quantities["sigma"][0]).axes[0]

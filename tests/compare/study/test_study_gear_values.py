@@ -1,9 +1,9 @@
 """An axis, a search and a sweep over a value of the gears; all others stay as they were typed."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
+from places import EXAMPLES
 from refusals import refusal
 from scenes import TURNING, dat21
 
@@ -48,7 +48,7 @@ def test_with_other_axes_beside_it():
 
 
 def test_a_study_of_a_gearbox_names_its_wheels_and_takes_the_closures_that_it_can_have():
-    box = Scene.load(Path(__file__).parents[3] / "examples" / "gearbox5.toml")
+    box = Scene.load(EXAMPLES / "gearbox5.toml")
     axis = '"wheel.third.torque" = [20.0, 40.0]'
     study, found = scenes(axis, box)
     assert found == [box.with_gears(**{"wheel.third.torque": t}) for t in (20.0, 40.0)]

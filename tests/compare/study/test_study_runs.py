@@ -1,13 +1,12 @@
 """Nothing is computed twice, nothing is lost: killed, interrupted, shared, damaged and full."""
 
-import json
 import re
 import signal
 import time
 
 import pandas as pd
 import pytest
-from commands import rattle, study
+from commands import manifest_of, rattle, study
 from figures import leave_undrawn
 from programs import start
 from refusals import refusal
@@ -29,7 +28,7 @@ def wait_for(folder, pattern, number, seconds=600.0):  # of compiling, on a busy
 
 
 def digests(folder):
-    record = json.loads((folder / "manifest.json").read_text())
+    record = manifest_of(folder)
     return record["errors_sha256"], record["sections_sha256"]
 
 

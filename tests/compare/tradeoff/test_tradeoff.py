@@ -1,13 +1,12 @@
 """The cost of accuracy: formulas, the table of levels, cost models, and the command that writes the
 report."""
 
-import json
 import math
 
 import numpy as np
 import pandas as pd
 import pytest
-from commands import rattle
+from commands import manifest_of, rattle
 from scenes import dat21
 
 from rattle import Record, Sampling, simulate
@@ -267,7 +266,7 @@ def test_command_writes_its_folder_answer_first(tmp_path):
     said = rattle(f"tradeoff {file} {words} --out {out}").stdout
     page = (out / "tradeoff.md").read_text()
     assert "weak order" not in page
-    answer = json.loads((out / "manifest.json").read_text())["answer"]
+    answer = manifest_of(out)["answer"]
     assert page.index(answer[0]) < page.index("tradeoff.svg") < page.index("| scheme |")
     assert answer[0] in said
     points = pd.read_csv(out / "tradeoff.csv")

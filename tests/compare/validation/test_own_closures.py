@@ -1,11 +1,9 @@
 """A closure of one's own in a validation: its verdicts, its page, its time, and what becomes of its
 mistakes."""
 
-import json
-
 import numpy as np
 import pytest
-from commands import rattle
+from commands import manifest_of, rattle
 from scenes import dat21
 
 from rattle import Closure, mean_map, validate
@@ -106,7 +104,7 @@ def test_the_command_imports_it_shows_it_and_says_by_its_exit_code_that_it_faile
     assert "closure strong raised ValueError: the noise is too strong" in done.stderr
     page = (tmp_path / "report" / "report.html").read_text()
     assert "The first closure of all." in page
-    manifest = json.loads((tmp_path / "report" / "manifest.json").read_text())
+    manifest = manifest_of(tmp_path / "report")
     assert manifest["settings"]["closures"] == ["own:mine", "own:strong"]
     again = rattle("validate", "--repeat", "report/manifest.json", "--out", "again", code=1)
     assert "Repeated bit for bit" in again.stdout

@@ -3,11 +3,11 @@ are a transient."""
 
 import json
 import re
-from pathlib import Path
 
 import numpy as np
 import pytest
 from commands import rattle
+from places import EXAMPLES
 
 import rattle as rt
 from rattle import Gears, Order, Scene, Start
@@ -41,7 +41,7 @@ def two(torque1, torque2, **scene):
     )
 
 
-QUIET_BOX = Scene.load(Path(__file__).parents[3] / "examples" / "gearbox5.toml").noise_free
+QUIET_BOX = Scene.load(EXAMPLES / "gearbox5.toml").noise_free
 TWO_ORDERS = (Order(1, 1.0), Order(3, 0.3, 1.0))
 TRANSIENTS = {
     "one stage": (

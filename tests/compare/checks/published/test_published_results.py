@@ -2,11 +2,11 @@
 
 import math
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 from commands import rattle
+from places import EXAMPLES
 from scenes import dat21
 
 from rattle.compare.checks.check import MOST_FALSE_ALARMS, Check, Subject, run_checks
@@ -31,7 +31,7 @@ def test_result(results, name):
 
 
 def test_published_rigs_are_scenes_to_copy():
-    folder = Path(__file__).parents[4] / "examples" / "published"
+    folder = EXAMPLES / "published"
     paper, basins_of_two = (
         Scene.load(folder / name) for name in ("dat21.toml", "de-souza-caldas.toml")
     )

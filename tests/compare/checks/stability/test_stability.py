@@ -1,13 +1,12 @@
 """The map: runs with admissible steps are unbiased or carry a diagnostic, and negative controls are
 rejected."""
 
-import json
 import re
 from dataclasses import replace
 
 import pandas as pd
 import pytest
-from commands import rattle
+from commands import manifest_of, rattle
 
 from rattle.compare.checks import extremes
 from rattle.compare.checks.extremes import extreme
@@ -111,7 +110,7 @@ def test_command_writes_map_tables_and_page(tmp_path):
     opening = page[: page.index("\n## ")]
     assert "(verdicts.svg)" in opening
     assert opening.count("\n| ") == 3  # heads, and the worst cell of each scheme
-    answer = json.loads((folder / "manifest.json").read_text())["answer"]
+    answer = manifest_of(folder)["answer"]
     assert answer[0].startswith("Take `exact-flight`: at its default step ")
     rows = pd.read_csv(folder / "stability.csv")
     assert len(rows) == 2 * 2 * 7
