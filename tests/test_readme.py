@@ -11,8 +11,8 @@ from commands import commands, rattle
 from places import BUILT, ROOT
 from programs import python
 
+from rattle import Scene
 from rattle.compare.judge.verdict import Verdict
-from rattle.scene import Scene
 
 README = (ROOT / "README.md").read_text()
 PAGES = [

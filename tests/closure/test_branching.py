@@ -6,8 +6,7 @@ import pytest
 from random_gears import gear_sets
 from scenes import PAPER_SIGMA, dat21
 
-from rattle.closure import mean_map
-from rattle.montecarlo import Record, simulate
+from rattle import Record, mean_map, simulate
 
 FREE_QUANTITIES = ("tau", "flight", "y1", "y2")
 

@@ -10,9 +10,8 @@ from random_gears import gear_sets, noisy
 from refusals import refusal
 from scenes import dat21
 
-from rattle.closure import follow, mean_map
-from rattle.montecarlo import Record, simulate
-from rattle.scene import Tolerance, state_names
+from rattle import Record, Tolerance, follow, mean_map, simulate
+from rattle.scene import state_names
 
 BRANCHED_IMPACTS = 6
 ONE_STAGE_SET, TWO_STAGE_SET = (

@@ -8,9 +8,7 @@ from random_gears import gear_sets, noisy
 from refusals import refusal
 from scenes import dat21
 
-from rattle.closure import mean_map
-from rattle.montecarlo import simulate
-from rattle.scene import Scene, Start
+from rattle import Scene, Start, mean_map, simulate
 
 # 0.85 % of the paths leave the itinerary at impact 7, and carry all of the sds at impact 8
 RARE_EXIT = noisy(

@@ -7,8 +7,8 @@ from oracle import follow_covariance, gearbox
 from reference_moments import stage_moments_after_flight
 from scenes import UNEQUAL, dat21
 
-from rattle.closure import follow, mean_map
-from rattle.scene import Start, state_names
+from rattle import Start, follow, mean_map
+from rattle.scene import state_names
 
 PHI0 = 1 / math.sqrt(2 * math.pi)
 

@@ -5,8 +5,8 @@ import pytest
 from refusals import refusal
 from scenes import dat21
 
-from rattle.closure import CLOSURES, follow, mean_map
-from rattle.scene import DAT21, Scene, Start
+from rattle import DAT21, Scene, Start, follow, mean_map
+from rattle.closure import CLOSURES
 
 SOME_NOISE = dat21(0.05)
 STATES = ["x1", "y1", "x2", "y2"]
@@ -37,7 +37,7 @@ BRANCHING = ["agreement", "discarded", "error_mean", "error_sd", "within"]
 
 
 def test_section_keeps_the_contract(closure):
-    section = mean_map(impacts=7, closure=closure).section
+    section = mean_map(SOME_NOISE, impacts=7, closure=closure).section
     others = [f"skew_{q}" for q in ("tau", "flight", *STATES)] + BRANCHING * (
         closure == "branching"
     )
@@ -48,7 +48,7 @@ def test_section_keeps_the_contract(closure):
 
 
 def test_the_section_table_is_consistent(closure):
-    m = mean_map(impacts=7, closure=closure)
+    m = mean_map(SOME_NOISE, impacts=7, closure=closure)
     tau = np.array([SOME_NOISE.start.tau, *m.section["tau"]])
     assert m.section["flight"].to_numpy() == pytest.approx(np.diff(tau), nan_ok=True)
     covariance = m.stage_covariance(1, 1)
@@ -88,7 +88,7 @@ def test_a_scene_is_needed():
 
 
 def test_a_table_at_fixed_times_keeps_the_contract(closure):
-    m = mean_map(impacts=5, closure=closure)
+    m = mean_map(SOME_NOISE, impacts=5, closure=closure)
     times = [0.05, 0.4, 1.0]
     table = m.at_times(times)
     assert list(table.columns) == FIXED
@@ -98,7 +98,7 @@ def test_a_table_at_fixed_times_keeps_the_contract(closure):
 
 @pytest.mark.parametrize("outside", [-1e-9, 1e9, float("nan")])
 def test_fixed_times_go_no_further_than_was_followed(closure, outside):
-    m = mean_map(impacts=3, closure=closure)
+    m = mean_map(SOME_NOISE, impacts=3, closure=closure)
     with refusal("lies outside the times followed, 0 to "):
         m.at_times([0.1, outside])
 
@@ -115,7 +115,7 @@ def test_a_closure_that_stops_early_says_why_and_leaves_the_other_rows_empty():
 
 
 def test_a_corrected_series_has_the_powers_of_rho_alone():
-    a = mean_map(impacts=3, closure="corrected", order=6).edgeworth(3, 1).a
+    a = mean_map(SOME_NOISE, impacts=3, closure="corrected", order=6).edgeworth(3, 1).a
     rho = a[1, 1]
     assert a == pytest.approx(np.diag([1.0, rho, rho**2 / 2, rho**3 / 6, 0, 0, 0]), abs=1e-12)
 
@@ -129,7 +129,7 @@ def test_no_series_without_noise():
 @pytest.mark.parametrize(("impact", "stage"), [(0, 1), (4, 1), (1, 0), (1, 3), (1.0, 1)])
 def test_edgeworth_asks_for_an_impact_and_a_stage_that_exist(impact, stage):
     with refusal():
-        mean_map(impacts=3).edgeworth(impact, stage)
+        mean_map(SOME_NOISE, impacts=3).edgeworth(impact, stage)
 
 
 @pytest.mark.parametrize("closure", ["corrected", "saltation", "branching", "published"])

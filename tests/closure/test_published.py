@@ -7,8 +7,7 @@ from reference_moments import stage_moments_after_flight, window_shift
 from refusals import refusal
 from scenes import PAPER_SIGMA, dat21
 
-from rattle.closure import mean_map
-from rattle.scene import DAT21, Scene, Start, Tolerance
+from rattle import DAT21, Scene, Start, Tolerance, mean_map
 
 IMPACTS_BY_HAND = 12
 QUIET_SIGMA = 0.02

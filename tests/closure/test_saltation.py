@@ -7,8 +7,8 @@ import pandas as pd
 import pytest
 from scenes import FOUR, ORDERS, OSCILLATOR, chain, dat21, tree
 
-from rattle import Record, follow, mean_map, simulate
-from rattle.scene import Restitution, Scene, Start, Tolerance, section_names, state_names
+from rattle import Record, Scene, Start, Tolerance, follow, mean_map, simulate
+from rattle.scene import Restitution, section_names, state_names
 
 TOLERANCES = {
     "path, uniform": Tolerance(1e-3, 1e-3),

@@ -9,14 +9,15 @@ from oracle import follow_covariance, gearbox
 from refusals import refusal
 from scenes import FOUR, TREES, dat21, tree
 
-from rattle.closure import Closure, closures_for, follow, mean_map
+from rattle import Closure, Start, Tolerance, follow, mean_map
+from rattle.closure import closures_for
 from rattle.closure.section_map import (
     MOST_COMBINATIONS,
     section_derivatives,
     start_covariance,
     start_pieces,
 )
-from rattle.scene import Start, Tolerance, state_names
+from rattle.scene import state_names
 from rattle.scene.flight import flow
 from rattle.scene.orbit import Impacts
 

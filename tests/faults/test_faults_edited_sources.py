@@ -10,9 +10,10 @@ import pytest
 from places import ROOT
 from programs import install, python
 
+from rattle import Scene
 from rattle.compare.engine.store import Cell, Content, Store, numerical_version
 from rattle.compare.report.provenance import provenance
-from rattle.scene import OutputError, Scene, sources
+from rattle.scene import OutputError, sources
 
 INNER = """from rattle.scene.compiled import internal
 

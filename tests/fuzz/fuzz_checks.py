@@ -7,10 +7,10 @@ from fuzz_files import command
 from fuzz_must import FAINTEST, SLACK, has_verdicts, must, own, refused, semidefinite
 from numpy.lib.recfunctions import structured_to_unstructured
 
-from rattle import validate
-from rattle.closure import CLOSURES, follow, mean_map
+from rattle import Scene, follow, mean_map, validate
+from rattle.closure import CLOSURES
 from rattle.montecarlo import SCHEMES
-from rattle.scene import RattleError, Scene, state_names
+from rattle.scene import RattleError, state_names
 from rattle.scene.flight import field
 from rattle.scene.long_orbit import LongOrbit
 

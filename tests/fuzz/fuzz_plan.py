@@ -7,8 +7,9 @@ from typing import NamedTuple
 
 from fuzz_space import LEAST, Numbers, any_scene
 
+from rattle import Scene
 from rattle.montecarlo import SCHEMES, default_step, largest_step
-from rattle.scene import RattleError, Scene
+from rattle.scene import RattleError
 
 WORK = 1e6  # steps of all paths
 HORIZON_PER_IMPACT = 50.0  # time and steps after which a path is given up by default

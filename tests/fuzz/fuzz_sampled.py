@@ -12,8 +12,7 @@ import numpy as np
 from fuzz_must import FAINTEST, SLACK, must, own, semidefinite
 from settings import recorded
 
-from rattle.montecarlo import simulate, simulate_to
-from rattle.scene import Tolerance
+from rattle import Tolerance, simulate, simulate_to
 from rattle.scene.flight import flow, wheel_speeds
 from rattle.scene.impact import strike
 

@@ -17,10 +17,8 @@ from hypothesis import strategies as st
 from scenes import dat21
 from settings import recorded
 
-from rattle import Study, load_study, validate
-from rattle.closure import mean_map
-from rattle.montecarlo import simulate, simulate_to
-from rattle.scene import RattleError, Scene
+from rattle import Scene, Study, load_study, mean_map, simulate, simulate_to, validate
+from rattle.scene import RattleError
 
 DAT = dat21(0.1)
 

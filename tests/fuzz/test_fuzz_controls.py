@@ -10,8 +10,8 @@ from fuzz_checks import check
 from fuzz_must import SIMPLE
 from scenes import dat21
 
-from rattle.montecarlo import SCHEMES, Ensemble, Record, simulate
-from rattle.scene import Scene
+from rattle import Record, Scene, simulate
+from rattle.montecarlo import SCHEMES, Ensemble
 
 SIMPLE_SCENE = Scene.from_dict(SIMPLE)
 

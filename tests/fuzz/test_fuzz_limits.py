@@ -8,10 +8,7 @@ import pytest
 from refusals import refusal
 from scenes import dat21
 
-from rattle import Sampling
-from rattle.closure import follow, mean_map
-from rattle.montecarlo import simulate
-from rattle.scene import Scene, Start, Tolerance
+from rattle import Sampling, Scene, Start, Tolerance, follow, mean_map, simulate
 
 PLAIN_FIELDS = {"alpha": 1.5, "epsilon": 0.9, "beta1": 0.08, "gamma1": 0.06, "mu": 0.6}
 LIMITS = {

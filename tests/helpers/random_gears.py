@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from rattle.scene import Scene, Start
+from rattle import Scene, Start
 
 SEED = 17
 TUNED = 6

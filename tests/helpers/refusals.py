@@ -4,7 +4,7 @@ import re
 
 import pytest
 
-from rattle.scene import InputError
+from rattle import InputError
 
 
 def refusal(pattern=None, field=None):

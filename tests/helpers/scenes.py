@@ -4,7 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from rattle.scene import DAT21, Gears, Order, Scene, Start, Wheel, section_names
+from rattle import DAT21, Gears, Order, Scene, Start, Wheel
+from rattle.scene import section_names
 
 
 def dat21(sigma=0.0, **settings):

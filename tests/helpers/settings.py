@@ -4,7 +4,7 @@ vary them."""
 import math
 from dataclasses import fields
 
-from rattle.montecarlo import Record, Sampling
+from rattle import Record, Sampling
 
 EULER = "euler-maruyama"
 LOCATED = "euler-maruyama-located"

@@ -14,10 +14,9 @@ import numpy as np
 from scenes import OSCILLATOR, dat21, tree
 from settings import USEFUL_STEP
 
-from rattle import Sampling
-from rattle.closure import mean_map
+from rattle import Order, Record, Sampling, Scene, Start, Tolerance, follow, mean_map, simulate
 from rattle.closure.branching.advance import Level
-from rattle.montecarlo import SCHEMES, Record, simulate
+from rattle.montecarlo import SCHEMES
 from rattle.montecarlo.bench import _normals, _scalar_normals, _skill_loop, _steps
 from rattle.montecarlo.branches.search import BranchSearch
 from rattle.montecarlo.coupling.paths import LongPath, after_impact, growths
@@ -28,9 +27,7 @@ from rattle.montecarlo.long_run.walk import Walk
 from rattle.montecarlo.noise.philox import key_of
 from rattle.montecarlo.schemes.euler import step_forcing
 from rattle.montecarlo.settings import plan_of
-from rattle.scene import Order, Scene, Start, Tolerance
 from rattle.scene.long_orbit import LongOrbit, velocities
-from rattle.scene.orbit import follow
 
 DAT21_PAIR = dat21(0.3)
 LONE = dat21(0.3, stages=1)

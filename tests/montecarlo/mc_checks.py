@@ -6,13 +6,11 @@ from dataclasses import replace
 import numpy as np
 from scenes import dat21
 
-from rattle.closure import follow
-from rattle.montecarlo import Record, simulate
+from rattle import Record, Scene, Start, Tolerance, follow, simulate
 from rattle.montecarlo.kernel.block import BLOCK
 from rattle.montecarlo.kernel.blocks import in_threads
 from rattle.montecarlo.long_run.walk import Walk
 from rattle.montecarlo.noise.philox import BRIDGE, STEP, key_of, normals
-from rattle.scene import Scene, Start, Tolerance
 from rattle.scene.compiled import jit
 
 __all__ = ["BLOCK", "Walk", "in_threads", "key_of"]  # of the package, for several tests

@@ -6,9 +6,8 @@ import pytest
 from refusals import refusal
 from scenes import SECTION, dat21
 
-from rattle import Sampling
-from rattle.montecarlo import SCHEMES, Record, simulate, simulate_to
-from rattle.scene import Scene, Tolerance
+from rattle import Record, Sampling, Scene, Tolerance, simulate, simulate_to
+from rattle.montecarlo import SCHEMES
 
 
 @pytest.mark.parametrize(

@@ -15,9 +15,9 @@ from limits import agrees
 from scenes import OSCILLATOR, tree
 from settings import EULER, EXACT, LOCATED
 
-from rattle import mean_map, simulate
+from rattle import Scene, Start, Wheel, mean_map, simulate
 from rattle.montecarlo.long_run import long_run
-from rattle.scene import Restitution, Scene, Start, Wheel
+from rattle.scene import Restitution
 
 KINDS_OF_BODIES = ("ball", "oscillator with one wall", "oscillator with two walls", "pair")
 SETS = 3  # of each kind

@@ -13,9 +13,8 @@ from mc_checks import BLOCK, in_threads
 from refusals import refusal
 from scenes import dat21
 
-from rattle import Sampling
-from rattle.montecarlo import AccuracyWarning, simulate, simulate_to
-from rattle.scene import InputError, Scene, Start
+from rattle import InputError, Sampling, Scene, Start, simulate, simulate_to
+from rattle.montecarlo import AccuracyWarning
 
 
 class Watched:

@@ -8,10 +8,9 @@ import pytest
 from mc_checks import orbit_of
 from scenes import PAPER_SIGMA, dat21
 
-from rattle.montecarlo import simulate
+from rattle import Scene, Wheel, simulate
 from rattle.montecarlo.coupling.paths import LongPath
 from rattle.montecarlo.noise.philox import Word
-from rattle.scene import Scene, Wheel
 
 
 def first_impacts(sigma, paths, impacts):

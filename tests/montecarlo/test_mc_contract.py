@@ -10,8 +10,8 @@ from mc_checks import DAMPED, UNEQUAL_GAPS, orbit_of, stepped
 from scenes import dat21
 from settings import USEFUL_STEP, recorded
 
+from rattle import Start, Tolerance
 from rattle.montecarlo import SCHEMES
-from rattle.scene import Start, Tolerance
 
 ORBITS = {
     "DAT21": dat21(),

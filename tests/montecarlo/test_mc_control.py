@@ -6,8 +6,7 @@ import pytest
 from limits import agrees
 from scenes import FOUR, dat21
 
-from rattle import Sampling
-from rattle.montecarlo import simulate
+from rattle import Sampling, simulate
 from rattle.scene import section_names
 
 CONTROLLED = {

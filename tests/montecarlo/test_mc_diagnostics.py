@@ -10,9 +10,8 @@ from scenes import dat21
 from settings import EULER, EXACT, LOCATED
 
 import rattle
-from rattle import Sampling
+from rattle import Record, Sampling, simulate
 from rattle.closure import CLOSURES
-from rattle.montecarlo import Record, simulate
 
 
 def run(sigma=0.1, **settings):

@@ -9,9 +9,8 @@ from scenes import SECTION, dat21
 from scipy import stats
 from settings import STEP_BIAS
 
-from rattle import Sampling, mean_map
-from rattle.montecarlo import Record
-from rattle.montecarlo import simulate as simulate_exactly
+from rattle import Record, Sampling, mean_map
+from rattle import simulate as simulate_exactly
 
 RECORDED_IMPACTS = 5
 

@@ -10,7 +10,7 @@ from mc_checks import DAMPED, TOLERANT, UNEQUAL_GAPS
 from scenes import FOUR, dat21
 from settings import STEP_BIAS
 
-from rattle.montecarlo import simulate
+from rattle import simulate
 
 LEVELS = {
     "DAT21": dat21(0.05),

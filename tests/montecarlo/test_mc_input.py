@@ -9,8 +9,8 @@ from refusals import refusal
 from scenes import dat21
 from settings import LOCATED, recorded
 
-from rattle.montecarlo import Sampling, largest_step, simulate_rare, simulate_to
-from rattle.scene import Order, Scene, Start, Tolerance, Wheel
+from rattle import Order, Sampling, Scene, Start, Tolerance, Wheel, simulate_to
+from rattle.montecarlo import largest_step, simulate_rare
 
 FAST_ORDER = dat21(0.1, drive=(Order(50),))
 LONG_MEMORY, SHORT = (dat21(0.1, correlation_time=theta) for theta in (1.0, 0.01))

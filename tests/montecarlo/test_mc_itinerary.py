@@ -8,9 +8,8 @@ from refusals import refusal
 from scenes import SECTION
 from settings import ON_ITINERARY
 
-from rattle import follow
-from rattle.montecarlo import Ensemble, Record, simulate
-from rattle.scene import Scene, Start
+from rattle import Record, Scene, Start, follow, simulate
+from rattle.montecarlo import Ensemble
 
 IMPACTS_ON_ITINERARY = 4
 

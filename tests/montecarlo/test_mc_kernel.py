@@ -15,8 +15,8 @@ from oracle import gearbox
 from scenes import dat21
 from settings import LOCATED
 
-from rattle.montecarlo import Record, largest_step, simulate
-from rattle.scene import Scene, Start
+from rattle import Record, Scene, Start, simulate
+from rattle.montecarlo import largest_step
 
 FLIGHT = 1  # column of a row that the oracle does not have
 KERNEL_IMPACTS = 8

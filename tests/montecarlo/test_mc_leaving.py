@@ -7,8 +7,7 @@ import pytest
 from scipy.stats import binomtest
 from settings import ON_ITINERARY
 
-from rattle.montecarlo import simulate
-from rattle.scene import Scene, Start
+from rattle import Scene, Start, simulate
 
 CURVED = Scene(
     alpha=1.9867618005861334,

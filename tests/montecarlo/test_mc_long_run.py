@@ -10,12 +10,11 @@ from mc_checks import Walk
 from refusals import refusal
 from scenes import dat21, tree
 
-from rattle import Record, simulate
+from rattle import Record, Scene, Start, Tolerance, simulate
 from rattle.montecarlo.long_run.estimates import all_names
 from rattle.montecarlo.long_run.noise_work import CONTROLS
 from rattle.montecarlo.long_run.run import long_run
 from rattle.montecarlo.long_run.sums import ABOVE, FLIGHT, NOISE, OF_SPEED, scales_of_pilot
-from rattle.scene import Scene, Start, Tolerance
 
 LONG_SCENE = dat21(0.5)
 

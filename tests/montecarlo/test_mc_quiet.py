@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from mc_checks import Walk
 
+from rattle import Scene, Wheel
 from rattle.montecarlo.long_run.run import long_run
 from rattle.montecarlo.long_run.sums import ENERGY, NUMBER, new_sums, no_scales
 from rattle.montecarlo.schemes.quiet import quiet_of, tail_exponent
-from rattle.scene import Scene, Wheel
 from rattle.scene.drive import PERIOD
 
 CHATTER = Scene(

@@ -10,11 +10,11 @@ from mc_checks import NOISY, in_threads
 from scenes import dat21
 from settings import ON_ITINERARY
 
-from rattle.montecarlo import simulate, simulate_rare, simulate_to
+from rattle import Tolerance, simulate, simulate_to
+from rattle.montecarlo import simulate_rare
 from rattle.montecarlo.branches.choose import FARTHEST_POINT, by_influence
 from rattle.montecarlo.branches.search import search_of
 from rattle.montecarlo.ensemble.simulate_rare import begin_rare
-from rattle.scene import Tolerance
 
 RARE_IMPACTS = 4
 RARE_PATHS = 32 * 1024

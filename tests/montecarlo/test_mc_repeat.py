@@ -8,7 +8,8 @@ from mc_checks import BLOCK, TOLERANT
 from scenes import dat21
 from settings import recorded
 
-from rattle.montecarlo import SCHEMES, simulate
+from rattle import simulate
+from rattle.montecarlo import SCHEMES
 
 COARSE_STEP = {"euler-maruyama": 1e-2, "euler-maruyama-located": 1e-2, "exact-flight": 0.05}
 MORE_THAN_A_BLOCK = BLOCK + 117

@@ -7,10 +7,7 @@ import numpy as np
 import pytest
 from scenes import STICKING
 
-from rattle import Sampling, stationary
-from rattle.closure import follow
-from rattle.montecarlo import Record, simulate
-from rattle.scene import Scene
+from rattle import Record, Sampling, Scene, follow, simulate, stationary
 
 STICKING_SCENES = STICKING | {
     "plastic": Scene(alpha=1.0, epsilon=0.0, beta1=0.1, gamma1=0.3, stages=1)

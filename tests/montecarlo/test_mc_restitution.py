@@ -6,12 +6,22 @@ import numpy as np
 import pytest
 from scenes import chain
 
-from rattle import Record, Scene, Start, Wheel, mean_map, simulate, stationary, validate
+from rattle import (
+    InputError,
+    Record,
+    Scene,
+    Start,
+    Wheel,
+    follow,
+    mean_map,
+    simulate,
+    stationary,
+    validate,
+)
 from rattle.montecarlo.long_run import long_run, walk
 from rattle.montecarlo.long_run.sums import NOISE
-from rattle.scene import InputError, Restitution
+from rattle.scene import Restitution
 from rattle.scene.impact import contact_matrix, rebound_bend, strike
-from rattle.scene.orbit import follow
 from rattle.scene.sticking import as_bodies
 from rattle.scene.tangent import saltation_matrix
 

@@ -9,8 +9,7 @@ from limits import FALSE_ALARM
 from mc_checks import stepped as simulate
 from scipy import stats
 
-from rattle.montecarlo import Record
-from rattle.scene import Scene, Start, Tolerance
+from rattle import Record, Scene, Start, Tolerance
 
 GAP = 0.5
 C1 = 0.04

@@ -5,10 +5,9 @@ import pytest
 from random_gears import PAIR_B
 from scenes import dat21, tree
 
-from rattle import Closure, mean_map, validate
+from rattle import Closure, Scene, mean_map, validate
 from rattle.montecarlo.branches import search as branches
 from rattle.montecarlo.branches.search import BranchSearch
-from rattle.scene import Scene
 
 TRUE_SD = 0.01528
 """Of y2 at impact 2 of `PAIR_B`, from 8 million exact flights (63 paths on the branch)."""

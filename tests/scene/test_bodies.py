@@ -13,14 +13,12 @@ from refusals import refusal, refusal_in_words
 from scenes import FOUR, ORDERS, THREE, dat21, tree
 from scipy.integrate import solve_ivp
 
-from rattle.closure import mean_map
+from rattle import InputError, Order, Scene, Start, Wheel, follow, mean_map
 from rattle.compare.study.design import read_axes
 from rattle.compare.study.parameters import find_parameter
-from rattle.scene import InputError, Order, Scene, Start, Wheel
 from rattle.scene.changes import change, parameter_names
 from rattle.scene.flight import field, field_rate, flow, jacobian, noise_covariance
 from rattle.scene.impact import energy_loss
-from rattle.scene.orbit import follow
 from rattle.scene.spring import sprung
 from rattle.scene.tangent import saltation_matrix
 

@@ -13,10 +13,11 @@ import numpy as np
 import pytest
 from digits import in_digits
 
+from rattle import Scene, Start, Wheel
 from rattle.closure import edgeworth
 from rattle.closure import saltation as linear
 from rattle.montecarlo.schemes import short_flight as short
-from rattle.scene import Scene, Start, Wheel, damping, drive, flight, moments, tangent
+from rattle.scene import damping, drive, flight, moments, tangent
 
 ROUNDING = 4e-15  # a few roundings of a double
 

@@ -6,11 +6,11 @@ from pathlib import Path
 import pytest
 from refusals import refusal
 
-from rattle import Study
+from rattle import Scene, Study
 from rattle.compare.cli.terminal import read_page
 from rattle.compare.report.manifest import read_settings
 from rattle.compare.thresholds.fixture import read_baseline
-from rattle.scene import FileError, Scene
+from rattle.scene import FileError
 from rattle.scene.files import MOST_BITS, MOST_DEPTH, MOST_TOML, parse_json, read_toml
 
 READERS = {

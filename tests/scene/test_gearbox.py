@@ -9,7 +9,7 @@ import pytest
 from refusals import refusal, refusal_in_words
 
 import rattle.scene
-from rattle.scene import DAT21, Gears, Scene
+from rattle import DAT21, Gears, Scene
 from rattle.scene.changes import change, find_value, unit_of_value, words_of_value
 
 BOX_TEXT = """\

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from refusals import refusal
 
-from rattle.scene import DAT21, Gears, Scene
+from rattle import DAT21, Gears, Scene
 
 
 def test_dat21_has_the_dimensionless_numbers_of_the_model():

@@ -9,7 +9,7 @@ import pytest
 from refusals import refusal, refusal_in_words
 from scenes import BESIDE_ALPHA
 
-from rattle.scene import DAT21, Gears, Scene, Start, Tolerance
+from rattle import DAT21, Gears, Scene, Start, Tolerance
 
 DAT21_TEXT = "[gears]\n" + "".join(f"{name} = {value!r}\n" for name, value in BESIDE_ALPHA.items())
 MOVING = "alpha = 1.5\nspeed_rpm = 800.0\ndriver_radius = 30.0\n"

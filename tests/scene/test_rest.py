@@ -7,8 +7,7 @@ import pytest
 from needs import COMPILED
 from scenes import STICKING, dat21
 
-from rattle import Order, follow, mean_map, rattle_threshold
-from rattle.scene import Gears, Scene, Start
+from rattle import Gears, Order, Scene, Start, follow, mean_map, rattle_threshold
 
 SINGLE = STICKING["one stage"]
 

@@ -8,17 +8,8 @@ from refusals import refusal_in_words
 from scenes import FOUR, OSCILLATOR, THREE, TREES, chain, dat21
 
 import rattle.scene
-from rattle.scene import (
-    DAT21,
-    Gears,
-    InputError,
-    Order,
-    Restitution,
-    Scene,
-    Start,
-    Tolerance,
-    Wheel,
-)
+from rattle import DAT21, Gears, InputError, Order, Scene, Start, Tolerance, Wheel
+from rattle.scene import Restitution
 
 VALUES = {
     "alpha": 1.5,

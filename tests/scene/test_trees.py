@@ -11,11 +11,10 @@ from oracle import gearbox
 from scenes import STICKING, TREES, tree
 from scipy.integrate import solve_ivp
 
-from rattle.scene import Scene, Start, Wheel
+from rattle import Scene, Start, Wheel, follow
 from rattle.scene.drive import velocity_acceleration
 from rattle.scene.impact import energy_loss, next_impact, strike
 from rattle.scene.long_orbit import LongOrbit, attractor
-from rattle.scene.orbit import follow
 from rattle.scene.sticking import (
     CHATTER_LIMIT,
     as_bodies,

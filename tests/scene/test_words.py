@@ -5,10 +5,9 @@ from dataclasses import replace
 import pytest
 from scenes import dat21
 
-from rattle import Scene, Wheel
+from rattle import Scene, Start, Wheel
 from rattle.compare.validation.transient import describe_transient
 from rattle.scene.long_orbit import REST_FOR_GOOD, attractor
-from rattle.scene.parts import Start
 
 BALL = Scene(
     alpha=0.0,

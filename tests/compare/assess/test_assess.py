@@ -9,10 +9,10 @@ from refusals import refusal
 from scenes import dat21
 
 from rattle import DAT21, Gears, Scene, assess
+from rattle.compare import Boundary
 from rattle.compare.assess.assess import assess_in_rounds
 from rattle.compare.assess.assessment import describe_use
 from rattle.compare.assess.requirement import Fulfilment, read_requirement
-from rattle.compare.parameters.boundary import Boundary
 
 HELD = replace(DAT21, torque1=1e5, torque2=1e5)  # more drag than the drive can overcome
 STAGE_WITHOUT_UNITS = Scene(alpha=1.0, epsilon=0.8, beta1=0.1, gamma1=0.1, stages=1, sigma=0.2)

@@ -8,6 +8,7 @@ from refusals import refusal
 from scenes import FOUR, PAPER_SIGMA, dat21
 from scipy import signal
 
+from rattle import Scene, Start, Tolerance, Wheel
 from rattle.compare.chaos import sweep as sweeps
 from rattle.compare.chaos.exponents import (
     crossings,
@@ -30,7 +31,7 @@ from rattle.compare.chaos.spectrum import (
     welch,
 )
 from rattle.compare.chaos.sweep import FieldSweep, paper_noise, vary
-from rattle.scene import Restitution, Scene, Start, Tolerance, Wheel
+from rattle.scene import Restitution
 
 LOUD_DAT21 = dat21(PAPER_SIGMA)
 

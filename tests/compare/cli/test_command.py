@@ -9,7 +9,7 @@ from commands import manifest_of, rattle
 from places import ROOT
 from scenes import dat21
 
-from rattle.scene import Start
+from rattle import Start
 
 SMALL_REPORT = "validate --paths 600 --impacts 3 --dt 0.01 --no-validity"
 REPORT_FILES = (

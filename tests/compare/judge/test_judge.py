@@ -9,7 +9,7 @@ from scenes import dat21
 from scipy.signal import lfilter
 
 import rattle as rt
-from rattle.scene import InputError
+from rattle import InputError
 
 WALKS = 4000
 WALK_ROWS = 3

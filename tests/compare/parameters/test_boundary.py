@@ -13,8 +13,8 @@ from scenes import RARE
 from searches import QUIET, run, search, verdicts
 
 from rattle import Tolerances, boundary
+from rattle.compare import Boundary
 from rattle.compare.judge.verdict import Verdict
-from rattle.compare.parameters.boundary import Boundary
 from rattle.compare.parameters.search import (
     MOST_VALUES,
     PATHS_OF_LOOKS,

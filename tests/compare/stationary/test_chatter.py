@@ -8,12 +8,12 @@ import pytest
 from places import ORDINARY_PAIR
 
 import rattle as rt
+from rattle import Scene
 from rattle.closure.stationary import Law
 from rattle.compare.report.save import save
 from rattle.compare.stationary.page import answer, make_report
 from rattle.compare.stationary.verdicts import values_of
 from rattle.montecarlo.long_run.estimates import all_names
-from rattle.scene import Scene
 
 
 @pytest.fixture(scope="module")

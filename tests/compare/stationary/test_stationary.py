@@ -12,11 +12,11 @@ from refusals import refusal, refusal_in_words
 from scenes import IMPACT_PAIR, dat21
 
 import rattle as rt
+from rattle import Scene, Start
 from rattle.closure.stationary import linear_law
 from rattle.compare.stationary.page import answer
 from rattle.montecarlo.long_run.estimates import estimates
 from rattle.montecarlo.long_run.sums import NUMBER, SLOW
-from rattle.scene import Scene, Start
 from rattle.scene.long_orbit import attractor
 
 RESTING = {"alpha": 0.1, "epsilon": 0.3, "beta1": 0.1, "gamma1": 1.0, "stages": 1}

@@ -8,11 +8,9 @@ from places import EXAMPLES, ORDINARY_PAIR
 from scenes import dat21
 from studies import Sample, study_text
 
-from rattle import validate
+from rattle import Scene, simulate_to, validate
 from rattle.compare.study.estimate import expect_work, scaling
-from rattle.montecarlo import simulate_to
 from rattle.montecarlo.kernel.block import BLOCK
-from rattle.scene import Scene
 
 
 def asked(folder, accuracy, sigmas, code=0):

@@ -7,8 +7,7 @@ import pytest
 from refusals import refusal
 from studies import Prediction, Sample, study_text
 
-from rattle import Study
-from rattle.scene import DAT21, Order
+from rattle import DAT21, Order, Study
 
 ORDERS_TEXT = (
     "[[drive]]\norder = 1\namplitude = 1.0\n[[drive]]\norder = 4\namplitude = 0.1\nphase = 1.0\n"

@@ -18,16 +18,16 @@ import pytest
 from scenes import dat21
 from scipy.stats import binomtest
 
+from rattle import Sampling, Scene, simulate
 from rattle.compare.judge.rows import NamedSection, judge_errors
 from rattle.compare.thresholds.claim import read_claim
 from rattle.compare.thresholds.decision import errors_of, merge_looks
-from rattle.montecarlo import Sampling, simulate
 from rattle.montecarlo.kernel.block import BLOCK
 from rattle.montecarlo.kernel.blocks import in_threads
 from rattle.montecarlo.schemes.control_variate import estimate_controlled
 from rattle.montecarlo.statistics.intervals import widest
 from rattle.montecarlo.statistics.section_statistics import single_statistics
-from rattle.scene import Scene, section_names
+from rattle.scene import section_names
 
 SESSION_SCENE = dat21(0.05, stages=1)
 # without branches that a sample may miss: no row is let off

@@ -6,13 +6,12 @@ import pandas as pd
 import pytest
 from scenes import dat21
 
-from rattle import validate
-from rattle.closure import CLOSURES, mean_map
+from rattle import mean_map, simulate_to, validate
+from rattle.closure import CLOSURES
 from rattle.closure.mean_map import closure_seconds
 from rattle.compare.validation.answer import advice, answer, cost_sentence
 from rattle.compare.validation.comparison import WANTED, paths_for, simulation_costs
 from rattle.compare.validation.validate import sweep
-from rattle.montecarlo import simulate_to
 from rattle.montecarlo.accuracy.cost import cost_of, cost_to
 
 ADVISED = (0.01, 0.1, 1.0)

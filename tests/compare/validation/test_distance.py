@@ -8,10 +8,9 @@ import pytest
 from scenes import dat21
 from scipy import stats
 
-from rattle.closure import mean_map
+from rattle import Record, mean_map, simulate
 from rattle.closure.edgeworth import section_density
 from rattle.compare.validation.realizability import bin_masses, distances, section_distances
-from rattle.montecarlo import Record, simulate
 from rattle.montecarlo.statistics.records import Histograms
 
 DENSITY_PATHS = 20_000

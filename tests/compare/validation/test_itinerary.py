@@ -4,15 +4,14 @@ paths."""
 import pytest
 from scenes import dat21
 
-from rattle import Closure, validate
+from rattle import Closure, Record, Scene, Start, simulate, validate
 from rattle.compare.judge.verdict import JUDGED
 from rattle.compare.validation.answer import answer
 from rattle.compare.validation.comparison import find_validity
 from rattle.compare.validation.errors import NO_ITINERARY, ON_ITINERARY, TOO_FEW_FOLLOW
 from rattle.compare.validation.tables import find_reach, list_leaving
-from rattle.montecarlo import Ensemble, Record, simulate
+from rattle.montecarlo import Ensemble
 from rattle.montecarlo.ensemble.leaving import ENOUGH_EXITS
-from rattle.scene import Scene, Start
 
 WITH_BRANCH = dat21(0.1)
 IMPACTS = 3

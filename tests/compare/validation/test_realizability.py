@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from scenes import dat21
 
-from rattle.closure import Edgeworth, mean_map
+from rattle import mean_map
+from rattle.closure import Edgeworth
 from rattle.closure.edgeworth import coefficients
 from rattle.compare.validation.realizability import (
     CHECKS,

@@ -8,18 +8,15 @@ import pytest
 from refusals import refusal
 from scenes import dat21
 
-from rattle import Sampling, Tolerances, validate
-from rattle.closure import mean_map
+from rattle import Sampling, Scene, Tolerances, mean_map, simulate, validate
 from rattle.compare.judge.rows import BY_SIZE, NamedSection
 from rattle.compare.judge.verdict import JUDGED
 from rattle.compare.thresholds.claim import read_claim
 from rattle.compare.thresholds.decision import errors_of, predict
 from rattle.compare.validation.answer import answer
 from rattle.compare.validation.errors import section_errors
-from rattle.montecarlo import simulate
 from rattle.montecarlo.diagnostics.accuracy import error_bound, units
 from rattle.montecarlo.statistics.intervals import ABSOLUTE, widest
-from rattle.scene import Scene
 
 SMALL_NOISE_IMPACTS = 3
 NOISELESS = {

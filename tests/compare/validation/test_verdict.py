@@ -8,12 +8,11 @@ from scenes import dat21
 from scipy import stats
 from settings import LOCATED
 
-from rattle import Tolerances
-from rattle.closure import mean_map
+from rattle import Record, Tolerances, mean_map, simulate
 from rattle.compare.judge.rows import waits_for_branch
 from rattle.compare.judge.verdict import judge
 from rattle.compare.validation.errors import judge_again, section_errors
-from rattle.montecarlo import Record, simulate, simulate_rare
+from rattle.montecarlo import simulate_rare
 from rattle.montecarlo.statistics.intervals import ABSOLUTE, widest
 from rattle.scene.types import section_names
 

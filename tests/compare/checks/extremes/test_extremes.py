@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from commands import rattle
 
-from rattle import closure, montecarlo
+from rattle import Scene, closure, montecarlo
 from rattle.compare.checks import extremes
 from rattle.compare.checks.check import farthest, run_checks
 from rattle.compare.checks.extremes import EXTREMES, extreme, runs
 from rattle.compare.checks.published import noise
 from rattle.compare.validation import validate as validation
-from rattle.scene import Scene, flight, impact, long_orbit, orbit
+from rattle.scene import flight, impact, long_orbit, orbit
 
 LONG_ROWS = {
     "unit_of_length",

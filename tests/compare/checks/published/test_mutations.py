@@ -13,9 +13,10 @@ import types
 import pytest
 from programs import python
 
+from rattle import Gears
 from rattle.compare.checks.check import run_checks
 from rattle.compare.checks.published import RESULTS
-from rattle.scene import Gears, impact, wheel
+from rattle.scene import impact, wheel
 
 pytestmark = pytest.mark.published
 

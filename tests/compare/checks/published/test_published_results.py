@@ -9,10 +9,10 @@ from commands import rattle
 from places import EXAMPLES
 from scenes import dat21
 
+from rattle import DAT21, Scene
 from rattle.compare.checks.check import MOST_FALSE_ALARMS, Check, Subject, run_checks
 from rattle.compare.checks.published import RESULTS, bodies, impacts
 from rattle.montecarlo.statistics.intervals import widest
-from rattle.scene import DAT21, Scene
 
 pytestmark = pytest.mark.published
 
