@@ -5,6 +5,7 @@ import pandas as pd
 import pytest
 from commands import rattle
 from programs import python
+from refusals import refusal, refusal_in_words
 from scenes import dat21
 from scipy.signal import lfilter
 
@@ -368,9 +369,8 @@ def test_bad_input_is_named(samples, predicted, tmp_path):
     """Field, value and remedy, case by case."""
     for part, claim, given in refusals(samples, predicted, tmp_path):
         names = ["x", "v"] if isinstance(given, np.ndarray) else None
-        with pytest.raises(InputError) as refusal:
+        with refusal_in_words(part):
             rt.judge(claim, given, names=names)
-        assert part in str(refusal.value), part
     predicted = predicted.copy()
     predicted.attrs["units"] = {"x": "m"}
     with refusal("convert one of them"):
@@ -390,9 +390,9 @@ def test_bad_input_is_named(samples, predicted, tmp_path):
 )
 def test_bad_options_are_named(samples, predicted, option, value):
     """Each by its name."""
-    with pytest.raises(InputError) as refusal:
+    with pytest.raises(InputError) as caught:
         rt.judge(predicted, samples, **{option: value})
-    assert refusal.value.field.startswith(option)
+    assert caught.value.field.startswith(option)
 
 
 def test_command_line(samples, predicted, tmp_path):
