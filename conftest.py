@@ -18,7 +18,6 @@ SECOND_TIER = [
 """Folders whose tests are all slow, or look for faults that are rare."""
 LONGEST = {"test_docs_site.py"}
 """Files of the second tier whose few tests take minutes: begun last, they would be waited for."""
-EMPTY = '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 1 1"></svg>\n'
 
 
 @pytest.hookimpl(tryfirst=True)
@@ -41,11 +40,7 @@ def silent():
 
 @pytest.fixture
 def undrawn(monkeypatch):
-    """Figures are made but not drawn, which takes most of a report's time: for tests of what stands
-    beside them."""
-    from matplotlib.figure import Figure
+    """Figures are made but not drawn: for tests of what stands beside them."""
+    from figures import leave_undrawn
 
-    def savefig(figure, file, **settings):
-        file.write(EMPTY.encode())
-
-    monkeypatch.setattr(Figure, "savefig", savefig)
+    leave_undrawn(monkeypatch)

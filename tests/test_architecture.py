@@ -1,13 +1,12 @@
 """Data flows scene -> closure | montecarlo -> compare, never back; and importing stays cheap."""
 
 import ast
-from pathlib import Path
 
 import pytest
+from places import ROOT
 from programs import python
 from source_tree import circles, import_graph, rooms, sources
 
-ROOT = Path(__file__).resolve().parent.parent
 MAY_IMPORT = {
     "scene": {"scene"},
     "closure": {"scene", "closure"},

@@ -2,10 +2,10 @@
 
 import subprocess
 import sys
-from pathlib import Path
 
-RESULTS = Path(__file__).parents[1] / "docs" / "results"
-CODE = f"""
+from places import RESULTS
+
+READ_KEPT = f"""
 import sys
 sys.path.insert(0, {str(RESULTS)!r})
 from kept_tables import kept
@@ -18,7 +18,9 @@ for file, text in kept().items():
 
 def test_the_markdown_of_every_measurement_is_that_of_its_csv():
     """In a process of its own, for the scripts are no modules of the tests."""
-    done = subprocess.run([sys.executable, "-c", CODE], capture_output=True, text=True, check=True)
+    done = subprocess.run(
+        [sys.executable, "-c", READ_KEPT], capture_output=True, text=True, check=True
+    )
     files = sorted(file.name for file in RESULTS.glob("*.table.md"))
     assert len(files) == 17
     assert done.stdout.splitlines() == [f"{name} read" for name in files]

@@ -9,12 +9,10 @@ import sysconfig
 import tomllib
 import zipfile
 from importlib import metadata
-from pathlib import Path
 
 import pytest
+from places import ROOT
 from source_tree import sources
-
-ROOT = Path(__file__).resolve().parent.parent
 
 
 def run(*command, cwd, code=0):
@@ -97,7 +95,7 @@ def test_every_library_that_is_imported_is_declared():
     assert undeclared([name for name in declared if name != "lazy-loader"]) == {"lazy_loader"}
 
 
-MINE = """
+BESIDE_OURS = """
 import sys
 import closure, compare, montecarlo, scene
 import rattle
@@ -143,7 +141,7 @@ def test_wheel_offers_its_command_and_its_plugin_beside_modules_of_the_same_name
     """In a project with modules called as our folders are."""
     for number, name in enumerate(("scene", "closure", "montecarlo", "compare"), 1):
         (tmp_path / f"{name}.py").write_text(f"mine = '{number}'\n")
-    (tmp_path / "test_mine.py").write_text(MINE)
+    (tmp_path / "test_mine.py").write_text(BESIDE_OURS)
     words = "-m pytest -q -p no:cacheprovider --rattle-seed 3"
     assert "1 passed" in run(installed, *words.split(), cwd=tmp_path)
     (command,) = installed.parent.parent.glob("lib/python*/site-packages/bin/rattle")

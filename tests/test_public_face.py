@@ -4,14 +4,13 @@ with a full text."""
 import inspect
 import re
 from importlib import import_module
-from pathlib import Path
 
 import pytest
+from places import ROOT
 
 import rattle
 
-ROOT = Path(__file__).resolve().parents[1]
-PAGES = [
+GUIDE_PAGES = [
     ROOT / "README.md",
     ROOT / "docs" / "start.md",
     *sorted((ROOT / "docs" / "guide").glob("*.md")),
@@ -45,7 +44,7 @@ def test_the_reference_has_the_public_names_where_they_are_imported_from():
             assert getattr(place, name) is getattr(package, name), entry
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+@pytest.mark.parametrize("page", GUIDE_PAGES, ids=lambda page: page.name)
 def test_the_guide_needs_nothing_else(page):
     for code in blocks(page):
         imported = re.findall(r"^\s*(?:from|import) (rattle\.\S+)", code, flags=re.M)

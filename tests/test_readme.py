@@ -5,29 +5,27 @@ Code cells of the documentation are run when the site is built (tests/page/test_
 
 import re
 import shutil
-from pathlib import Path
 
 import pytest
 from commands import commands, rattle
+from places import BUILT, ROOT
 from programs import python
 
+from rattle import Scene
 from rattle.compare.judge.verdict import Verdict
-from rattle.scene import Scene
 
-ROOT = Path(__file__).resolve().parent.parent
 README = (ROOT / "README.md").read_text()
-BUILT = ("_build", "auto_gallery", "generated")
 PAGES = [
     p
     for p in sorted((ROOT / "docs").rglob("*.md"))
     if not set(p.relative_to(ROOT).parts) & set(BUILT)
 ]
 FENCE = re.compile(r"^```(\{?[\w-]*\}?)[^\n]*\n(.*?)^```", re.MULTILINE | re.DOTALL)
-TEXT = "\n".join([README, *(page.read_text() for page in PAGES)])
-BLOCKS = FENCE.findall(TEXT)
-TOML = [text for language, text in BLOCKS if language == "toml"]
-STUDIES = [text for text in TOML if "[study]" in text]
-SCENES = [text for text in TOML if "[study]" not in text]
+ALL_TEXT = "\n".join([README, *(page.read_text() for page in PAGES)])
+FENCED = FENCE.findall(ALL_TEXT)
+TOML = [text for language, text in FENCED if language == "toml"]
+STUDY_TEXTS = [text for text in TOML if "[study]" in text]
+SCENE_TEXTS = [text for text in TOML if "[study]" not in text]
 
 NOT_RUN = {
     "make report": "needs a clone and a minute; it is one `rattle validate`",
@@ -49,7 +47,7 @@ MEASUREMENT = "python tests/", "python docs/results/"  # what is measured by han
 for."""
 
 
-QUICK = ("init", "simulate", "drive", "show")
+QUICK_EXAMPLES = ("init", "simulate", "drive", "show")
 """Commands whose examples are run; of the others, which tests/compare/cli runs, the words are
 read."""
 
@@ -57,8 +55,8 @@ read."""
 def examples():
     """Shell examples as they stand, with arguments: lines of shell blocks, and code within the
     text."""
-    lines = [line for language, text in BLOCKS if language == "sh" for line in text.splitlines()]
-    lines += re.findall(r"`((?:rattle|make|pip|pytest|python) [^`]+)`", FENCE.sub("", TEXT))
+    lines = [line for language, text in FENCED if language == "sh" for line in text.splitlines()]
+    lines += re.findall(r"`((?:rattle|make|pip|pytest|python) [^`]+)`", FENCE.sub("", ALL_TEXT))
     words = dict.fromkeys(line.split(" # ")[0].strip() for line in lines if line[:1] != "#")
     return [line for line in words if len(line.split()) > 2 or not line.startswith("rattle ")]
 
@@ -79,13 +77,13 @@ def printed(text, folder):
 
 
 def test_a_gear_pair_of_ones_own_takes_ten_lines():
-    gears, scene = re.split(r"\n\n", SCENES[0].strip())
+    gears, scene = re.split(r"\n\n", SCENE_TEXTS[0].strip())
     assert len(gears.splitlines()) <= 10
     assert len(scene.splitlines()) == 2
 
 
 def test_the_worked_example_prints_what_it_says(tmp_path):
-    (tmp_path / "gears.toml").write_text(SCENES[0])
+    (tmp_path / "gears.toml").write_text(SCENE_TEXTS[0])
     out, published = printed(README, tmp_path)
     assert out == published
 
@@ -97,7 +95,7 @@ def test_the_orbit_with_sticking_prints_what_it_says(tmp_path):
 
 
 def test_the_committed_study_loads_as_it_says(monkeypatch):
-    (code,) = (text for language, text in BLOCKS if language == "python" and "load_study" in text)
+    (code,) = (text for language, text in FENCED if language == "python" and "load_study" in text)
     monkeypatch.chdir(ROOT)
     found = {}
     exec(code, found)
@@ -112,19 +110,19 @@ def test_pictures_and_links_exist():
         assert (ROOT / link).exists(), link
 
 
-@pytest.mark.parametrize("number", range(len(SCENES)))
+@pytest.mark.parametrize("number", range(len(SCENE_TEXTS)))
 def test_every_scene_is_read_whole(number):
     """A scene says all that it says again."""
-    scene = Scene.from_toml(SCENES[number])
+    scene = Scene.from_toml(SCENE_TEXTS[number])
     assert Scene.from_toml(scene.to_toml()) == scene
 
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("undrawn")
-@pytest.mark.parametrize("number", range(len(STUDIES)))
+@pytest.mark.parametrize("number", range(len(STUDY_TEXTS)))
 def test_every_study_runs_to_the_end(tmp_path, number):
     file = tmp_path / "study.toml"
-    file.write_text(smaller(STUDIES[number]))
+    file.write_text(smaller(STUDY_TEXTS[number]))
     assert "cannot be computed" not in rattle(f"study {file}").output
 
 
@@ -132,10 +130,10 @@ def test_every_study_runs_to_the_end(tmp_path, number):
 @pytest.mark.usefixtures("undrawn")
 def test_every_shell_example_is_understood_and_the_quick_ones_run(tmp_path, monkeypatch):
     for name, command in commands():
-        if name not in QUICK:
+        if name not in QUICK_EXAMPLES:
             monkeypatch.setattr(command, "callback", lambda **_: None)
-    (tmp_path / "gears.toml").write_text(SCENES[0])
-    (tmp_path / "SCENE.toml").write_text(SCENES[-1])
+    (tmp_path / "gears.toml").write_text(SCENE_TEXTS[0])
+    (tmp_path / "SCENE.toml").write_text(SCENE_TEXTS[-1])
     shutil.copytree(ROOT / "examples", tmp_path / "examples")
     shutil.copytree(ROOT / "reports" / "dat21", tmp_path / "reports" / "mine")
     monkeypatch.chdir(tmp_path)
@@ -169,7 +167,7 @@ def test_the_commands_that_are_named_are_those_that_exist():
         for p in (ROOT / package).rglob("*.py")
     ]
     files = [ROOT / "Makefile", ROOT / "CONTRIBUTING.md", ROOT / ".ci" / "run", *sources]
-    pages = TEXT + "".join(f"`{words}`\n" for words in examples())
+    pages = ALL_TEXT + "".join(f"`{words}`\n" for words in examples())
     exist = dict(commands())
     groups = {name.split()[0] for name in exist if " " in name}
 

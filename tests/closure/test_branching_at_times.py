@@ -5,25 +5,27 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from limits import LEEWAY
 from random_gears import gear_sets, noisy
+from refusals import refusal
+from scenes import dat21
 
-from rattle.closure import follow, mean_map
-from rattle.montecarlo import Record, simulate
-from rattle.scene import DAT21, InputError, Scene, Tolerance, state_names
+from rattle import Record, Tolerance, follow, mean_map, simulate
+from rattle.scene import state_names
 
-IMPACTS = 6
-LEEWAY = 4.5  # standard errors: the largest of 500 rows is that far off once in 300 tables
-DAT = Scene.from_gears(DAT21)
-LONE, PAIR = (gear_sets()[i].phase_reduced for i in (4, 5))  # one stage, two stages
-SCENES = {  # and what is allowed besides sampling, in sds
-    "DAT21, strong": (noisy(DAT, 0.3), 0.05),
-    "two stages": (noisy(PAIR, 0.03), 0.05),
+BRANCHED_IMPACTS = 6
+ONE_STAGE_SET, TWO_STAGE_SET = (
+    gear_sets()[i].phase_reduced for i in (4, 5)
+)  # one stage, two stages
+BRANCHED = {  # and what is allowed besides sampling, in sds
+    "DAT21, strong": (noisy(dat21(), 0.3), 0.05),
+    "two stages": (noisy(TWO_STAGE_SET, 0.03), 0.05),
     "flanks of each contact": (
-        replace(noisy(DAT, 0.05), tolerance=Tolerance(0.02, 0.02, draw="contact")),
+        replace(noisy(dat21(), 0.05), tolerance=Tolerance(0.02, 0.02, draw="contact")),
         0.05,
     ),
     "flanks of each path": (
-        replace(noisy(PAIR, 0.03), tolerance=Tolerance(0.02, 0.02, distribution="normal")),
+        replace(noisy(TWO_STAGE_SET, 0.03), tolerance=Tolerance(0.02, 0.02, distribution="normal")),
         0.05,
     ),
 }
@@ -32,13 +34,13 @@ SCENES = {  # and what is allowed besides sampling, in sds
 def times_of(scene):
     """Middles of the orbit's flights, and its impacts: there a part of the paths has had the
     impact, a part not."""
-    tau = follow(replace(scene, sigma=0.0), IMPACTS).tau
+    tau = follow(replace(scene, sigma=0.0), BRANCHED_IMPACTS).tau
     return np.sort(np.concatenate([0.5 * (tau[1:] + tau[:-1]), tau[1:-1]]))
 
 
 def flown(name):
     """A scene, what is allowed, and its moments at fixed times."""
-    scene, allowed = SCENES[name]
+    scene, allowed = BRANCHED[name]
     record = Record(times=times_of(scene))
     run = simulate(
         scene, paths=40_000, impacts=1, scheme="exact-flight", rng=11, workers=1, record=record
@@ -46,14 +48,14 @@ def flown(name):
     return scene, allowed, run.at_times()
 
 
-@pytest.fixture(scope="module", params=SCENES)
+@pytest.fixture(scope="module", params=BRANCHED)
 def case(request):
     return flown(request.param)
 
 
 def outside(scene, allowed, sampled, closure):
     """How many means and sds are off by more than allowed, of how many."""
-    m = mean_map(scene, impacts=IMPACTS + 1, closure=closure)
+    m = mean_map(scene, impacts=BRANCHED_IMPACTS + 1, closure=closure)
     sampled = sampled[sampled.index < m.trace.span[1]]
     predicted = m.at_times(sampled.index)
     count = 0
@@ -79,14 +81,14 @@ def test_one_orbit_alone_is_wrong(case):
     assert count > 0.3 * rows
 
 
-@pytest.mark.parametrize("scene", [LONE, PAIR], ids=["one stage", "two stages"])
+@pytest.mark.parametrize("scene", [ONE_STAGE_SET, TWO_STAGE_SET], ids=["one stage", "two stages"])
 def test_in_flight_at_small_noise_it_is_the_saltation_closure(scene):
     """To first order: means differ by O(sigma) of an sd, which saltation leaves out there, sds by
     O(sigma^2)."""
-    tau = follow(scene, IMPACTS).tau
+    tau = follow(scene, BRANCHED_IMPACTS).tau
     times = 0.5 * (tau[1:] + tau[:-1])
     b, s = (
-        mean_map(noisy(scene, 1e-5), impacts=IMPACTS, closure=closure).at_times(times)
+        mean_map(noisy(scene, 1e-5), impacts=BRANCHED_IMPACTS, closure=closure).at_times(times)
         for closure in ("branching", "saltation")
     )
     for name in state_names(scene.stages):
@@ -98,11 +100,11 @@ def test_in_flight_at_small_noise_it_is_the_saltation_closure(scene):
 
 def test_as_many_flights_are_followed_as_the_time_asks_for():
     """At the mean time of the last impact some paths are beyond it, and all are counted."""
-    scene, _ = SCENES["DAT21, strong"]
+    scene, _ = BRANCHED["DAT21, strong"]
     m, further = (mean_map(scene, impacts=k, closure="branching") for k in (3, 6))
     time = m.section["tau"].loc[3]
     # the label "on the orbit" ends with the orbit that is asked for, so components merge a little
     # differently
     np.testing.assert_allclose(m.at_times([time]), further.at_times([time]), rtol=5e-3, atol=1e-3)
-    with pytest.raises(InputError, match="lies outside the times followed"):
+    with refusal("lies outside the times followed"):
         m.at_times([time + 0.1])

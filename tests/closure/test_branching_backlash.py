@@ -6,13 +6,13 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
+from limits import LEEWAY
+from scenes import SECTION, dat21
 
-from rattle import DAT21, Scene, Tolerance, mean_map, simulate
+from rattle import Scene, Tolerance, mean_map, simulate
 
-QUANTITIES = ("tau", "flight", "x1", "y1", "x2", "y2")
 WITHIN = {"mean": 0.05, "sd": 0.10}  # what a validation calls accurate, in sds
-LEEWAY = 4.5  # standard errors: the largest of 500 rows is that far off once in 300 tables
-PAIR = {
+PAIR_VALUES = {
     "alpha": 1.019,
     "epsilon": 0.7,
     "beta1": 0.128,
@@ -23,20 +23,16 @@ PAIR = {
 }
 
 
-def dat21(sigma, tolerance, **settings):
-    return Scene.from_gears(DAT21, sigma=sigma, tolerance=tolerance, **settings)
-
-
-SCENES = {  # and the impacts that are followed
-    "no noise, path, uniform": (dat21(0.0, Tolerance(0.01, 0.02)), 12),
+RANDOM_WALLS = {  # and the impacts that are followed
+    "no noise, path, uniform": (dat21(0.0, tolerance=Tolerance(0.01, 0.02)), 12),
     "contact, normal": (
-        dat21(0.1, Tolerance(0.01, 0.02, distribution="normal", draw="contact")),
+        dat21(0.1, tolerance=Tolerance(0.01, 0.02, distribution="normal", draw="contact")),
         6,
     ),
-    "one stage, path, uniform": (dat21(0.1, Tolerance(0.05, 0.05), stages=1), 5),
+    "one stage, path, uniform": (dat21(0.1, tolerance=Tolerance(0.05, 0.05), stages=1), 5),
     "another pair": (
         Scene(
-            **PAIR,
+            **PAIR_VALUES,
             gap2=0.365,
             sigma=0.01,
             tolerance=Tolerance(0.05, 0.05, distribution="normal", draw="contact"),
@@ -52,7 +48,7 @@ def outside(scene, run):
     predicted = mean_map(scene, impacts=run.impacts, closure="branching").section
     sampled = run.section
     rows = []
-    for q in QUANTITIES[: 2 + 2 * scene.stages]:
+    for q in SECTION[: 2 + 2 * scene.stages]:
         unit = sampled[f"sd_{q}"]
         free = sampled["mesh"].map("x{}".format) != q
         for moment, name in (("mean", q), ("sd", f"sd_{q}")):
@@ -63,10 +59,10 @@ def outside(scene, run):
     return rows + list(off[off > 0.02].items())
 
 
-@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize("name", RANDOM_WALLS)
 def test_section_moments_and_itinerary_probabilities_against_exact_flights(name):
     """Negative controls: a draw that is not renewed (or is), and flanks that do not vary."""
-    scene, impacts = SCENES[name]
+    scene, impacts = RANDOM_WALLS[name]
     run = simulate(scene, paths=60_000, impacts=impacts, rng=5, workers=2)
     assert outside(scene, run) == []
     other = {"path": "contact", "contact": "path"}[scene.tolerance.draw]
@@ -77,10 +73,10 @@ def test_section_moments_and_itinerary_probabilities_against_exact_flights(name)
 @pytest.mark.parametrize("draw", ["path", "contact"])
 @pytest.mark.parametrize("distribution", ["uniform", "normal"])
 def test_small_tolerance_is_the_saltation_closure(distribution, draw):
-    scene = dat21(0.001, Tolerance(5e-4, 1e-3, distribution=distribution, draw=draw))
+    scene = dat21(0.001, tolerance=Tolerance(5e-4, 1e-3, distribution=distribution, draw=draw))
     b, s = (mean_map(scene, impacts=5, closure=name).section for name in ("branching", "saltation"))
     without = mean_map(replace(scene, tolerance=None), impacts=5, closure="branching").section
-    for q in QUANTITIES:
+    for q in SECTION:
         sd = s[f"sd_{q}"]
         assert ((b[q] - s[q]).abs() < 2e-3 * sd + 1e-12).all()
         np.testing.assert_allclose(b[f"sd_{q}"], sd, rtol=2e-3)
@@ -91,16 +87,16 @@ def test_small_tolerance_is_the_saltation_closure(distribution, draw):
 def test_rounding_does_not_choose_the_splits(name):
     """Rounding would choose sign and plane of the principal axes of decoupled blocks of a
     covariance."""
-    scene, impacts = SCENES[name]
+    scene, impacts = RANDOM_WALLS[name]
     other = replace(scene, alpha=scene.alpha * (1.0 + 4e-16), sigma=scene.sigma * (1.0 + 4e-16))
     one, two = (mean_map(s, impacts=impacts, closure="branching").section for s in (scene, other))
-    quantities = [*QUANTITIES, *(f"sd_{q}" for q in QUANTITIES), "agreement"]
+    quantities = [*SECTION, *(f"sd_{q}" for q in SECTION), "agreement"]
     np.testing.assert_allclose(one[quantities], two[quantities], rtol=1e-9, atol=1e-9)
 
 
 def test_walls_that_do_not_vary_are_walls_without_tolerance():
     """To the last bit, and at no cost: what does not vary is no component of the section state."""
-    plain = dat21(0.1, None, stages=1)
+    plain = dat21(0.1, stages=1)
     for tolerance in (
         Tolerance(0.0, 0.0),
         Tolerance(0.0, 0.1, draw="contact"),

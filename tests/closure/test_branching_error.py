@@ -1,19 +1,17 @@
 """The branching closure's bound of its own error, and refinement until a tolerance is met."""
 
-from pathlib import Path
-
 import numpy as np
 import pandas as pd
 import pytest
+from places import RESULTS
 from random_gears import gear_sets, noisy
+from refusals import refusal
+from scenes import dat21
 
-from rattle import InputError
-from rattle.closure import mean_map
-from rattle.montecarlo import simulate
-from rattle.scene import DAT21, Scene, Start
+from rattle import Scene, Start, mean_map, simulate
 
 # 0.85 % of the paths leave the itinerary at impact 7, and carry all of the sds at impact 8
-RARE = noisy(
+RARE_EXIT = noisy(
     Scene(
         alpha=0.996160573704388,
         epsilon=0.6139620195274591,
@@ -31,14 +29,11 @@ RARE = noisy(
 )
 RARE_SD = {"y1": (0.2037, 0.0008), "y2": (0.2406, 0.0009)}
 """At impact 8, with standard errors: 2,000,000 exact flights."""
-RESULTS = Path(__file__).parents[2] / "docs" / "results"
 
 
 @pytest.fixture(scope="module")
 def quiet():
-    return mean_map(
-        Scene.from_gears(DAT21, sigma=0.01), impacts=4, closure="branching", tolerance=0.05
-    )
+    return mean_map(dat21(0.01), impacts=4, closure="branching", tolerance=0.05)
 
 
 def test_a_met_tolerance_stops_the_refinement(quiet):
@@ -53,7 +48,7 @@ def test_a_met_tolerance_stops_the_refinement(quiet):
 
 def test_an_unmet_tolerance_says_simulate():
     """Below any resolution: the finest level is reached, and rows are marked."""
-    m = mean_map(Scene.from_gears(DAT21, sigma=0.5), impacts=3, closure="branching", tolerance=1e-9)
+    m = mean_map(dat21(0.5), impacts=3, closure="branching", tolerance=1e-9)
     assert not m.section["within"].all()
     assert m.advice.endswith("on: simulate")
 
@@ -69,18 +64,18 @@ def test_bounds_by_quantity_are_behind_the_columns(quiet):
 
 @pytest.mark.parametrize("tolerance", [0.0, -0.1, float("nan"), "little"])
 def test_a_tolerance_is_positive(quiet, tolerance):
-    with pytest.raises(InputError, match="tolerance"):
+    with refusal("tolerance"):
         mean_map(quiet.scene, impacts=2, closure="branching", tolerance=tolerance)
 
 
 def test_only_branching_refines(quiet):
-    with pytest.raises(InputError, match="cannot refine itself; leave it out, or use branching"):
+    with refusal("cannot refine itself; leave it out, or use branching"):
         mean_map(quiet.scene, impacts=2, tolerance=0.05)
 
 
 def test_bounds_hold_against_exact_flights():
     """In nine of ten impacts the worst mean and the worst sd; a planted error is beyond them."""
-    scene = Scene.from_gears(DAT21, sigma=0.5)
+    scene = dat21(0.5)
     m = mean_map(scene, impacts=8, closure="branching")
     run = simulate(scene, paths=20_000, impacts=8, scheme="exact-flight", rng=11, workers=1).section
 
@@ -102,7 +97,7 @@ def test_bounds_hold_against_exact_flights():
 def test_a_branch_that_carries_an_sd_is_weighed_or_doubted(tolerance):
     """Its weight was 0.57 % at coarse levels that agreed: sds too small by 18 %, beside a bound of
     0.2 %."""
-    m = mean_map(RARE, impacts=8, closure="branching", tolerance=tolerance)
+    m = mean_map(RARE_EXIT, impacts=8, closure="branching", tolerance=tolerance)
     for quantity, (sd, se) in RARE_SD.items():
         error = abs(m.section[f"sd_{quantity}"].loc[8] - sd) / sd
         assert error < m.errors["sd"].loc[8, quantity] + 3.0 * se / sd
@@ -112,18 +107,18 @@ def test_a_branch_that_carries_an_sd_is_weighed_or_doubted(tolerance):
 # gear sets of `random_gears` with few paths on another itinerary at the first impact: how many, by
 # 100,000 exact flights, to 0.1 %; the noise of the whole flight, or a tail counted twice, made half
 # as much again
-FIRST = {(18, 0.003): 0.0187, (23, 0.03): 0.165, (12, 0.1): 0.2046}
+FIRST_SHARES = {(18, 0.003): 0.0187, (23, 0.03): 0.165, (12, 0.1): 0.2046}
 
 
 @pytest.mark.parametrize("tolerance", [0.2, None])
-@pytest.mark.parametrize(("gears", "noise"), FIRST)
+@pytest.mark.parametrize(("gears", "noise"), FIRST_SHARES)
 def test_first_branches_have_their_share(gears, noise, tolerance):
     """At every level, and the finer ones split the components near the boundary hundreds of
     times."""
     scene = noisy(gear_sets(sets=gears + 1)[gears], noise)
     m = mean_map(scene, impacts=1, closure="branching", tolerance=tolerance)
     share = 1.0 - m.section["agreement"].loc[1]
-    assert share == pytest.approx(FIRST[gears, noise], rel=0.07, abs=1e-3)
+    assert share == pytest.approx(FIRST_SHARES[gears, noise], rel=0.07, abs=1e-3)
 
 
 def test_a_flight_that_begins_beyond_its_wall_is_back_at_it_in_time():

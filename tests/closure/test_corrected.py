@@ -3,58 +3,33 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from oracle import gearbox
+from oracle import follow_covariance, gearbox
 from reference_moments import stage_moments_after_flight
+from scenes import UNEQUAL, dat21
 
-from rattle.closure import follow, mean_map
-from rattle.scene import DAT21, Scene, Start, state_names
+from rattle import Start, follow, mean_map
+from rattle.scene import state_names
 
 PHI0 = 1 / math.sqrt(2 * math.pi)
 
 
-def covariances(scene, orbit):
-    """Covariance just before each impact of an orbit: its own differential equation, impacts by
-    section 3."""
-    box = gearbox(scene.constants)
-    cov = np.zeros((4, 4))
-    found = [np.zeros((4, 4))]
-    for k in range(1, orbit.found + 1):
-        r = box.restitution(orbit.mesh[k - 1])
-        flight = orbit.tau[k] - orbit.tau[k - 1]
-        cov = box.covariance(orbit.tau[k - 1], r @ cov @ r.T, flight)
-        found.append(cov)
-    return np.array(found)
-
-
-SCENES = {
-    "DAT21": Scene.from_gears(DAT21, sigma=0.3),
-    "unequal": Scene(
-        alpha=0.8,
-        epsilon=0.7,
-        beta1=0.3,
-        beta2=0.01,
-        gamma1=0.2,
-        gamma2=0.5,
-        mu=0.3,
-        gap1=0.2,
-        gap2=1.1,
-        sigma=0.2,
-        start=Start(1.0, 0.2, 1.0, -0.4, 0.3, mesh=1),
-    ),
-    "from mesh 2": Scene.from_gears(
-        DAT21, sigma=0.1, start=Start(0.4, 0.1, 0.9, -0.5, -1.0, mesh=2)
-    ),
+CORRECTED = {
+    "DAT21": dat21(0.3),
+    "unequal": UNEQUAL,
+    "from mesh 2": dat21(0.1, start=Start(0.4, 0.1, 0.9, -0.5, -1.0, mesh=2)),
 }
 
 
-@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize("name", CORRECTED)
 def test_covariance_is_that_of_its_own_equation(name):
-    scene = SCENES[name]
-    exact = covariances(scene, follow(scene, 12))
+    scene = CORRECTED[name]
+    _, before_impacts = follow_covariance(scene, follow(scene, 12), bends=False)
     m = mean_map(scene, impacts=12, closure="corrected")
     found = m.trace.covariance
-    for k in range(13):  # covariances grow along the orbit; the integrator holds 1e-12 of each
-        assert found[k] == pytest.approx(exact[k], rel=0, abs=1e-9 * abs(exact[k]).max())
+    assert not found[0].any()
+    # covariances grow along the orbit; the integrator holds 1e-12 of each
+    for one, exact in zip(found[1:], before_impacts, strict=True):
+        assert one == pytest.approx(exact, rel=0, abs=1e-9 * abs(exact).max())
     before = m.at_times([m.trace.tau[12] - 1e-10]).iloc[0]  # the impact
     assert before["cov_y1_y2"] == pytest.approx(found[12][1, 3], abs=1e-8 * abs(found[12]).max())
     assert before[[*state_names(2)]].to_numpy() == pytest.approx(m.trace.mean[12], abs=1e-8)
@@ -62,7 +37,7 @@ def test_covariance_is_that_of_its_own_equation(name):
 
 def test_raw_moments_of_a_stage_are_those_of_their_hierarchy():
     """Nothing Gaussian is assumed there; at an impact Eq. 15 with (-eps)^p."""
-    scene = Scene.from_gears(DAT21, sigma=0.3, stages=1)
+    scene = dat21(0.3, stages=1)
     box = gearbox(scene.constants)
     m = mean_map(scene, impacts=3, closure="corrected", order=6)
     raw = np.zeros((7, 7))
@@ -81,7 +56,7 @@ def test_raw_moments_of_a_stage_are_those_of_their_hierarchy():
 def test_an_impact_shifts_the_struck_mean_inward_by_phi_0_sd():
     """Eqs. 20, 21: the window ends at the struck wall and holds half of a Gaussian whose other wall
     is far."""
-    scene = Scene.from_gears(DAT21, sigma=0.01)
+    scene = dat21(0.01)
     orbit = follow(scene, 4)
     m = mean_map(scene, impacts=4, closure="corrected")
     assert set(orbit.mesh[1:]) == {1, 2}

@@ -1,17 +1,15 @@
 """The saltation closure against simulation, at the impacts and between them."""
 
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 import pandas as pd
 import pytest
-from scenes import TREES, tree
+from scenes import FOUR, ORDERS, OSCILLATOR, chain, dat21, tree
 
-from rattle import Record, follow, mean_map, simulate
-from rattle.scene import DAT21, Scene, Start, Tolerance, Wheel, section_names, state_names
+from rattle import Record, Scene, Start, Tolerance, follow, mean_map, simulate
+from rattle.scene import Restitution, section_names, state_names
 
-dat21 = partial(Scene.from_gears, DAT21)
 TOLERANCES = {
     "path, uniform": Tolerance(1e-3, 1e-3),
     "path, normal": Tolerance(1e-3, 2e-3, distribution="normal"),
@@ -19,23 +17,47 @@ TOLERANCES = {
     "contact, normal": Tolerance(2e-3, 1e-3, distribution="normal", draw="contact"),
     "fixed": Tolerance(1e-2, 2e-2, distribution="fixed"),
 }
-TOLERANT = {name: dat21(sigma=0.002, tolerance=tolerance) for name, tolerance in TOLERANCES.items()}
-HELD = Wheel(beta=0.2, gamma=0.1, gap=0.4, stiffness=2.0, one_sided=True, name="mass")
-BODIES = {
-    "noisy wheel 2": replace(tree((0, 1)), sigma=0.002, noise=2).phase_reduced,
-    "driven oscillator": Scene(
-        alpha=1.2,
-        epsilon=0.8,
-        sigma=0.002,
-        noise="mass",
-        wheels=[HELD],
-        start=Start(0.3, -0.05, 0.5),
+
+
+PLAIN_SCENES = {
+    "DAT21": dat21(),
+    "one stage": dat21(stages=1),
+    "noisy wheel 2": replace(tree((0, 1)), noise=2).phase_reduced,
+    "driven oscillator": OSCILLATOR,
+    "tree": FOUR,
+}
+REMEMBERING_SCENES = {
+    "orders": dat21(drive=ORDERS),
+    "short memory": dat21(correlation_time=0.1),
+    "orders and memory": dat21(drive=ORDERS, correlation_time=1.0),
+    "long memory": dat21(correlation_time=10.0),
+    "a body's own memory": replace(OSCILLATOR, correlation_time=0.5),
+}
+FALLING_ROWS = [(0.2, 0.9), (1.0, 0.8), (2.5, 0.7)]
+LAWS = {
+    "restitution falls": (Restitution(speed=4.0), None),
+    "random restitution": (Restitution(sd=0.003, speed=4.0), Restitution(speed=4.0)),
+    "measured restitution": (
+        Restitution(sd=0.003, table=FALLING_ROWS),
+        Restitution(table=FALLING_ROWS),
     ),
 }
-QUIET = {"DAT21": dat21(sigma=0.002), "one stage": dat21(sigma=0.002, stages=1)} | TOLERANT | BODIES
-SLOW = 0.2  # speed of an impact after which first order in the noise is not enough
+QUIET_SCENES = (
+    {name: (s.with_sigma(0.002), s.with_sigma(0.0022)) for name, s in PLAIN_SCENES.items()}
+    | {name: (dat21(0.002, tolerance=t), dat21(0.002)) for name, t in TOLERANCES.items()}
+    | {
+        name: (
+            s.with_sigma(0.002),
+            replace(s, sigma=0.002, correlation_time=0.1 + 1.2 * s.correlation_time),
+        )
+        for name, s in REMEMBERING_SCENES.items()
+    }
+    | {name: (chain(law, 0.002), chain(other, 0.002)) for name, (law, other) in LAWS.items()}
+)
+"""Each with a planted error: other noise, no tolerance, another memory, or another restitution."""
+SLOW_IMPACT = 0.2  # speed of an impact after which first order in the noise is not enough
 # sds of the impact times that must fit between a fixed time and the impacts around it
-CLEAR = 6.0
+CLEARANCE = 6.0
 SHORT = 0.1  # a fixed time is a whole number of steps, and lies beside the middle of a flight
 LIMIT = 4.0  # standard errors; of at most 72 moments of a scene, Bonferroni at 0.5 %
 
@@ -47,20 +69,21 @@ def middles(scene):
     times = []
     for k in range(1, orbit.found + 1):
         half = 0.5 * (orbit.tau[k] - orbit.tau[k - 1])
-        if half < CLEAR * sd.loc[max(k - 1, 1) : k].max():
+        if half < CLEARANCE * sd.loc[max(k - 1, 1) : k].max():
             break
         if 2.0 * half > SHORT:
             times.append(orbit.tau[k] - half)
-        if np.abs(orbit.before[k, 2 * orbit.mesh[k] - 1]) < SLOW:
+        if np.abs(orbit.before[k, 2 * orbit.mesh[k] - 1]) < SLOW_IMPACT:
             break
     return times
 
 
-@pytest.fixture(scope="module", params=QUIET)
-def run(request):
+@pytest.fixture(scope="module", params=QUIET_SCENES)
+def case(request):
     """Exact flights at sigma = 0.002, with their moments in the middle of flights."""
-    scene = QUIET[request.param]
-    return simulate(scene, paths=40_000, rng=5, record=Record(times=middles(scene)))
+    scene, wrong = QUIET_SCENES[request.param]
+    sampled = simulate(scene, paths=40_000, rng=5, record=Record(times=middles(scene)))
+    return sampled, wrong
 
 
 def standard_errors(scene, run, prefixes, order=4):
@@ -70,7 +93,7 @@ def standard_errors(scene, run, prefixes, order=4):
     before = section[[f"y{mesh}" for mesh in range(1, scene.stages + 1)]].to_numpy()
     speed = np.abs(before[range(len(section)), section["mesh"] - 1])
     # the noise is small until times spread, or an impact all but grazes
-    small = (section["agreement"] == 1.0) & (section["sd_tau"] < 0.04) & (speed > SLOW)
+    small = (section["agreement"] == 1.0) & (section["sd_tau"] < 0.04) & (speed > SLOW_IMPACT)
     section = section[small.cummin()]
     predicted = mean_map(scene, impacts=12, order=order).section.loc[section.index]
     off = {}
@@ -81,14 +104,13 @@ def standard_errors(scene, run, prefixes, order=4):
     return pd.DataFrame(off)
 
 
-def test_small_noise_section_moments(run):
+def test_small_noise_section_moments(case):
     """Means and sds of tau, flights and states within 4 standard errors."""
+    run, wrong = case
     off = standard_errors(run.scene, run, ("", "sd_"))
     assert len(off) >= 6
     assert (off > 4.0).sum(axis=None) <= 1
     assert not (off > 6.0).any(axis=None)
-    # negative control: another noise, or none of the tolerance
-    wrong = dat21(sigma=0.002) if run.scene.tolerance else run.scene.with_sigma(0.0022)
     assert (standard_errors(wrong, run, ("", "sd_")) > 6.0).any(axis=None)
 
 
@@ -106,23 +128,24 @@ def excess(run, scale=1.0):
     return np.array(worst)
 
 
-def test_sds_between_impacts(run):
+def test_sds_between_impacts(case):
     """Negative control: variances 5 % too large."""
+    run, _ = case
     assert (excess(run) < LIMIT).all()
     assert (excess(run, scale=1.05) > LIMIT).any()
 
 
-SECOND = {
-    "noise": TREES["tree of 4"].with_sigma(0.02),
+OF_SECOND_ORDER = {
+    "noise": FOUR.with_sigma(0.02),
     "flanks": dat21(tolerance=Tolerance(2e-3, 2e-3, distribution="normal")),
 }
 """Noise and flanks for which second order exceeds the sampling error of paths of one itinerary."""
 
 
-@pytest.mark.parametrize("name", SECOND)
+@pytest.mark.parametrize("name", OF_SECOND_ORDER)
 def test_mean_shift_and_skewness_are_of_second_order(name):
     """Of about 60 values, Bonferroni at 0.5 %; negative control: first order has neither."""
-    scene = SECOND[name]
+    scene = OF_SECOND_ORDER[name]
     run = simulate(scene, paths=100_000, rng=11)
     assert standard_errors(scene, run, [""], order=3).max(axis=None) < 4.0
     assert standard_errors(scene, run, [""], order=2).max(axis=None) > 7.5

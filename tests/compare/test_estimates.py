@@ -6,24 +6,25 @@ import re
 from functools import partial
 
 import pytest
+from scenes import dat21
 
-from rattle import DAT21, Scene, boundary, boundary_map, crossing, sensitivity, stationary
+from rattle import boundary, boundary_map, crossing, sensitivity, stationary
 from rattle.compare import closure_sensitivity
 from rattle.montecarlo.long_run import expect_run, long_run
 
-SCENE = Scene.from_gears(DAT21, sigma=0.5)
-FAINT = Scene.from_gears(DAT21, sigma=0.01)
+ESTIMATED = dat21(0.5)
+FAINT = dat21(0.01)
 TIME = r"about [\d.]+ (ms|s|minutes|h)"
 FEW = {"points": 2, "width": 0.9}
 SEARCH = {"between": (0.01, 0.1), **FEW}
 ASKED = {
     "stationary": (
-        partial(stationary, SCENE, periods=64, paths=16, budget=1e-3),
+        partial(stationary, ESTIMATED, periods=64, paths=16, budget=1e-3),
         rf"^x: 88 periods of 16 paths at the least, {TIME} of processor time, more than the budget"
         r" of 1 ms$",
     ),
     "sensitivity": (
-        partial(sensitivity, SCENE, quantities=["power"], parameters=["omega"], accuracy=1.0),
+        partial(sensitivity, ESTIMATED, quantities=["power"], parameters=["omega"], accuracy=1.0),
         rf"^x: 5 motions of 32 paths each, {TIME} of processor time at the least, 60 s at the"
         " most$",
     ),
@@ -42,7 +43,9 @@ ASKED = {
         rf"^boundary: 4 values of sigma, .* {TIME} to [\d.]+ (ms|s) of processor time$",
     ),
     "crossing": (
-        partial(crossing, SCENE, quantity="power", level=1e6, over="amplitude", **FEW, budget=1e-3),
+        partial(
+            crossing, ESTIMATED, quantity="power", level=1e6, over="amplitude", **FEW, budget=1e-3
+        ),
         rf"^x: 2 values of amplitude, .* {TIME} to [\d.]+ (ms|s) of processor time$",
     ),
 }
@@ -80,6 +83,6 @@ PARAMETERS = [
 
 def test_the_periods_of_an_estimate_are_those_of_the_run():
     """To the pilot run's, which end with a number of impacts."""
-    expected = expect_run(SCENE, 64, periods=64, burn_in=32)
-    found = long_run(SCENE, paths=64, periods=64, burn_in=32, rng=3)
+    expected = expect_run(ESTIMATED, 64, periods=64, burn_in=32)
+    found = long_run(ESTIMATED, paths=64, periods=64, burn_in=32, rng=3)
     assert expected.periods == pytest.approx(found.burn_in.periods + found.periods, rel=0.1)

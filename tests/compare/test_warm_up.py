@@ -2,17 +2,13 @@
 
 import shutil
 
-import numba
 import pytest
 from filelock import FileLock
+from needs import COMPILED
 from programs import python
 
 from rattle.compare.warm_up import DoneTasks, compile_tasks, measure_times
 from rattle.scene import compile_ahead, compiled
-
-COMPILED = pytest.mark.skipif(
-    bool(getattr(numba.config, "DISABLE_JIT", False)), reason="the compiler is off"
-)
 
 
 @pytest.fixture
@@ -73,7 +69,7 @@ def test_times_are_those_of_each_functions_own_work():
     assert (of_outer[["typing", "LLVM"]] > 0.0).all()
 
 
-CODE = """
+SESSION = """
 import sys, time
 from pathlib import Path
 import rattle as rt
@@ -103,7 +99,7 @@ def test_another_process_compiles_what_a_session_will_need(tmp_path):
             file.unlink()
     there = len(list(place.rglob("*.nbc")))
     environment = {compile_ahead.COMPILERS: 2, "NUMBA_CACHE_DIR": tmp_path}
-    done = [python("-c", CODE, PYTEST_XDIST_WORKER=None, **environment) for _ in range(2)]
+    done = [python("-c", SESSION, PYTEST_XDIST_WORKER=None, **environment) for _ in range(2)]
     started, own, every = map(int, done[0].stdout.split())
     assert started == 1
     assert 0 < own < every - there

@@ -8,7 +8,7 @@ from commands import rattle, study
 from small_disks import DEAD, scratch_name
 from studies import CELLS_FOLDER, Sample
 
-from rattle.scene import InputError
+from rattle import InputError
 
 
 @pytest.fixture

@@ -7,15 +7,16 @@ import sys
 
 import pytest
 from programs import LONG, surroundings
+from scenes import dat21
 
-from rattle import DAT21, Scene, simulate
+from rattle import simulate
 from rattle.scene.progress import has_terminal, print_on_stderr
 
 FUNCTION = (
     "from rattle.scene.moments import gaussian_raw_moments as f; print(float(f(1.0, 0.5, 2.0, 4)[2,"
     " 2]))"
 )
-COMMAND = "from rattle.compare.cli.main import main; main()"
+MAIN = "from rattle.compare.cli.main import main; main()"
 
 
 def shell(words, *command, **environment):
@@ -35,15 +36,15 @@ def test_machine_code_is_compiled_without_standard_error(tmp_path):
 
 @pytest.mark.parametrize("words", ["2>&-", "2>/dev/full"])
 def test_an_error_that_nobody_can_read_ends_the_command_as_it_would(words):
-    assert shell(words, "-c", COMMAND, "simulate", "--paths", "-3") == (2, "")
+    assert shell(words, "-c", MAIN, "simulate", "--paths", "-3") == (2, "")
 
 
 def test_a_wrong_option_is_not_explained_on_standard_output():
-    assert shell("2>&-", "-c", COMMAND, "simulate", "--nosuch") == (2, "")
+    assert shell("2>&-", "-c", MAIN, "simulate", "--nosuch") == (2, "")
 
 
 def test_a_command_without_any_output_ends_well():
-    assert shell("<&- >&- 2>&-", "-c", COMMAND, "--help") == (0, "")
+    assert shell("<&- >&- 2>&-", "-c", MAIN, "--help") == (0, "")
 
 
 @pytest.fixture(params=["none", "closed"])
@@ -59,7 +60,7 @@ def stderr(request, monkeypatch):
 def test_progress_and_messages_go_nowhere_where_standard_error_cannot_be_written(capsys):
     print_on_stderr("something")
     assert not has_terminal()
-    simulate(Scene.from_gears(DAT21, sigma=0.1), paths=64, impacts=1, rng=1, progress="paths")
+    simulate(dat21(0.1), paths=64, impacts=1, rng=1, progress="paths")
     assert capsys.readouterr().out == ""
 
 

@@ -56,7 +56,7 @@ from rattle.scene import progress
 progress.QUIET = progress.BETWEEN = progress.LINE_TICK = 0.005
 main({words})
 """
-LONG = {
+LONG_COMMANDS = {
     "validate --paths 100000000": "of 100,000,000 paths",
     "study study.toml": "of 4 cells",
     "chaos": "exponents: ",
@@ -64,14 +64,14 @@ LONG = {
 """What each says while it is at work."""
 
 
-@pytest.mark.parametrize("command", LONG)
+@pytest.mark.parametrize("command", LONG_COMMANDS)
 def test_an_interrupt_ends_a_command_soon(command, tmp_path, monkeypatch):
     """Only the cells of a study are left."""
     (tmp_path / "study.toml").write_text(study(impacts=2, paths=50_000_000, sigma=(0.1, 0.2)))
     monkeypatch.chdir(tmp_path)
     with start("-c", AT_WORK.format(words=command.split())) as running:
         said = [running.stderr.readline()]
-        while LONG[command] not in said[-1]:
+        while LONG_COMMANDS[command] not in said[-1]:
             said.append(running.stderr.readline())
         running.send_signal(signal.SIGINT)
         _, last = running.communicate()

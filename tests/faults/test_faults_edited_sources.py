@@ -3,18 +3,18 @@ with."""
 
 import shutil
 from dataclasses import dataclass
-from pathlib import Path
 from typing import ClassVar
 
 import pandas as pd
 import pytest
+from places import ROOT
 from programs import install, python
 
+from rattle import Scene
 from rattle.compare.engine.store import Cell, Content, Store, numerical_version
 from rattle.compare.report.provenance import provenance
-from rattle.scene import OutputError, Scene, sources
+from rattle.scene import OutputError, sources
 
-ROOT = Path(__file__).resolve().parents[2]
 INNER = """from rattle.scene.compiled import internal
 
 
@@ -126,7 +126,7 @@ def test_a_comment_changes_nothing(run):
     assert run(CALL) == (["11.0", "0"], "")
 
 
-CLOSURES = """
+CALL_CLOSURES = """
 from rattle.scene.outer import make, outer
 numbers = [make(1.5)(2.0), make(2.5)(2.0), make(2.5)(2), outer(2.0)]
 print(*numbers, compiler.functions)
@@ -135,11 +135,11 @@ print(*numbers, compiler.functions)
 
 def test_closures_of_one_function_and_types_are_told_apart(run):
     right = ["3.0", "5.0", "5.0", "5.0"]
-    assert run(CLOSURES) == ([*right, "4"], "")
-    assert run(CLOSURES) == ([*right, "0"], "")
+    assert run(CALL_CLOSURES) == ([*right, "4"], "")
+    assert run(CALL_CLOSURES) == ([*right, "0"], "")
 
 
-SCENE = Scene(alpha=1.0, epsilon=0.5, beta1=0.1, gamma1=0.1, stages=1)
+ANY_SCENE = Scene(alpha=1.0, epsilon=0.5, beta1=0.1, gamma1=0.1, stages=1)
 
 
 @dataclass(frozen=True)
@@ -187,14 +187,14 @@ def test_no_result_is_stored_under_the_version_of_sources_that_this_process_has_
     store = Store(tmp_path / "cells")
     version = numerical_version()
     edit("closure/branching/mixture.py", "touched = 1\n")  # of no part in the result
-    store.obtain(Number(SCENE))
+    store.obtain(Number(ANY_SCENE))
     for content in list(store.folder.glob("*.parquet")):
         content.unlink()
     edit("montecarlo/kernel/kernel.py", "touched = 1\n")
     with pytest.raises(OutputError, match=REMEDY):
-        store.obtain(Number(SCENE))
+        store.obtain(Number(ANY_SCENE))
     with pytest.raises(OutputError, match=REMEDY):  # it was edited while the result was computed
-        store.write(Number(SCENE), Content(pd.DataFrame({"number": [1.0]}), {"seconds": 1.0}))
+        store.write(Number(ANY_SCENE), Content(pd.DataFrame({"number": [1.0]}), {"seconds": 1.0}))
     assert not list(store.folder.glob("*.parquet"))
     assert len(Number.computed) == 1
     numerical_version.cache_clear()

@@ -1,18 +1,17 @@
 """What this project did not make is never replaced, continued or deleted, whatever it is called, by
 any command."""
 
-import json
 import os
 import shutil
-from pathlib import Path
 
 import pytest
-from commands import rattle, study
+from commands import manifest_of, rattle, study
+from places import ROOT
 from studies import CELLS_FOLDER, LOG_FILE
 from test_faults_commands import WRITERS
 
-TEXT = study(paths=64)
-COMMITTED = Path(__file__).parents[2] / "reports"
+SMALL_STUDY = study(paths=64)
+COMMITTED = ROOT / "reports"
 THEIRS = {
     "study.toml": study(title="their own"),
     "errors.parquet": "precious",
@@ -39,7 +38,7 @@ def everything(folder):
 
 @pytest.fixture
 def file(tmp_path):
-    (tmp_path / "noise.toml").write_text(TEXT)
+    (tmp_path / "noise.toml").write_text(SMALL_STUDY)
     return tmp_path / "noise.toml"
 
 
@@ -79,7 +78,7 @@ def test_another_study_replaces_the_tables_of_the_first_only_if_asked_to(file, t
     assert f"holds another study (small); {remedy}" in said
     assert everything(out) == before
     rattle(f"study {other} --out {out} --overwrite")
-    assert json.loads((out / "manifest.json").read_text())["title"] == "other"
+    assert manifest_of(out)["title"] == "other"
 
 
 @pytest.mark.usefixtures("no_work")

@@ -9,9 +9,9 @@ import pytest
 from commands import study
 from studies import CELLS_FOLDER, LOG_FILE, Runner, Store, run
 
-from rattle import Study
+from rattle import Scene, Study
 from rattle.compare.report.manifest import read_settings
-from rattle.scene import FileError, OutputError, Scene
+from rattle.scene import FileError, OutputError
 from rattle.scene import files as module
 
 HUGE = 10 * 2**30

@@ -3,19 +3,18 @@ an exception."""
 
 import ast
 import shutil
-from pathlib import Path
 
 import pytest
+from places import ROOT
 from programs import install, python
 
 from rattle.scene.compiled import PACKAGES, TAKEN, source_digest
 
-ROOT = Path(__file__).resolve().parents[2]
-CODE = (
+GAUSSIAN = (
     "from rattle.scene.moments import gaussian_raw_moments as f;print(float(f(1.0, 0.5, 2.0, 4)[2,"
     " 2]), sum(f.stats.cache_hits.values()) if hasattr(f, 'stats') else 1)"
 )
-DAMAGE = {
+DAMAGED_CODE = {
     "truncated": lambda b: b[: len(b) // 2],
     "foreign": lambda b: b"not what numba wrote",
 }
@@ -23,7 +22,7 @@ DAMAGE = {
 
 def run(cwd=None, **environment):
     """Run the code in a process; returns its cache hits and standard error."""
-    done = python("-c", CODE, cwd=cwd, **environment)
+    done = python("-c", GAUSSIAN, cwd=cwd, **environment)
     number, hits = done.stdout.split()
     assert float(number) == 2.5
     return int(hits), done.stderr
@@ -50,7 +49,7 @@ def test_damaged_machine_code_is_compiled_again(kept, tmp_path, damage, file):
     """Code or index; both are whole again afterwards."""
     folder = shutil.copytree(kept, tmp_path / "code")
     (path,) = folder.rglob(f"*gaussian*.{file}")
-    path.write_bytes(DAMAGE[damage](path.read_bytes()))
+    path.write_bytes(DAMAGED_CODE[damage](path.read_bytes()))
     assert computed(folder) == 0
     assert computed(folder) == 1
 

@@ -14,12 +14,12 @@ from rattle.compare.report.save import MANIFEST
 from rattle.compare.study.folder import is_current
 from rattle.scene import FileError, OutputError
 
-TEXT = study("noise", impacts=2, paths=1024, sigma=(0.01, 0.02))
+NOISE_STUDY = study("noise", impacts=2, paths=1024, sigma=(0.01, 0.02))
 
 
 @pytest.fixture
 def file(tmp_path):
-    (tmp_path / "noise.toml").write_text(TEXT)
+    (tmp_path / "noise.toml").write_text(NOISE_STUDY)
     return tmp_path / "noise.toml"
 
 
@@ -27,7 +27,7 @@ def file(tmp_path):
 def once(tmp_path_factory):
     """A finished study, to be copied."""
     file = tmp_path_factory.mktemp("once") / "noise.toml"
-    file.write_text(TEXT)
+    file.write_text(NOISE_STUDY)
     rattle(f"study {file}")
     return file.with_suffix("")
 
@@ -67,20 +67,20 @@ def test_a_disk_that_fills_while_the_page_is_written(file, tmp_path):
         assert len(load_study(place / "noise").errors) == 2 * 2 * 2 * 4
 
 
-DAMAGE = {
+DAMAGED_PAGE = {
     "truncated": lambda b: b[: len(b) // 2],
     "empty": lambda b: b"",
     "flipped": lambda b: b[:9] + b"?" + b[10:],
 }
 
 
-@pytest.mark.parametrize("damage", DAMAGE)
+@pytest.mark.parametrize("damage", DAMAGED_PAGE)
 @pytest.mark.parametrize("name", ["errors.parquet", "study.html", "study.md", "manifest.json"])
 def test_a_damaged_page_is_seen(file, finished, name, damage):
     wanted = Study.load(file)
     assert is_current(wanted, finished)
     content = (finished / name).read_bytes()
-    (finished / name).write_bytes(DAMAGE[damage](content))
+    (finished / name).write_bytes(DAMAGED_PAGE[damage](content))
     assert not is_current(wanted, finished) or (name == "manifest.json" and damage == "flipped")
     if name == "errors.parquet":
         with pytest.raises(FileError, match=r"errors.parquet is damaged; run rattle study again"):

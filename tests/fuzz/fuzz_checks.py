@@ -1,28 +1,25 @@
 """Invariants of every answer, by entry point; each check returns how the entry point has ended, and
 why."""
 
-from collections.abc import Callable
-from typing import Any
-
 import fuzz_sampled
 import numpy as np
 from fuzz_files import command
-from fuzz_must import FAINTEST, SLACK, Ended, has_verdicts, must, own, refused, semidefinite
+from fuzz_must import FAINTEST, SLACK, has_verdicts, must, own, refused, semidefinite
 from numpy.lib.recfunctions import structured_to_unstructured
 
-from rattle import validate
-from rattle.closure import CLOSURES, MeanMap, follow, mean_map
+from rattle import Scene, follow, mean_map, validate
+from rattle.closure import CLOSURES
 from rattle.montecarlo import SCHEMES
-from rattle.scene import RattleError, Scene, state_names
+from rattle.scene import RattleError, state_names
 from rattle.scene.flight import field
 from rattle.scene.long_orbit import LongOrbit
 
-APART = 1e6
+FAR_APART = 1e6
 MAY_REFUSE = frozenset({"dt", "record.times", "start.mesh"})
 """Settings that do not suit a scene, where they are given; `published` takes no start in flight."""
 
 
-def check(entry: str, data: dict[str, Any], settings: dict[str, Any]) -> Ended:
+def check(entry, data, settings):
     """How an entry point ends: complete, stopped (and why), or refused (and which field)."""
     try:
         scene = Scene.from_dict(data)
@@ -37,7 +34,7 @@ def check(entry: str, data: dict[str, Any], settings: dict[str, Any]) -> Ended:
         return ended, field
 
 
-def round_trip(scene: Scene, settings: dict[str, Any]) -> Ended:
+def round_trip(scene, settings):
     """A scene is written to TOML and read back the same to the last bit."""
     again = Scene.from_toml(scene.to_toml())
     must(again == scene and repr(again) == repr(scene), "TOML changed the scene", scene)
@@ -53,7 +50,7 @@ def round_trip(scene: Scene, settings: dict[str, Any]) -> Ended:
     return "complete", ""
 
 
-def orbit(scene: Scene, settings: dict[str, Any]) -> Ended:
+def orbit(scene, settings):
     """The deterministic orbit is causal, inside its walls, and says why it ends."""
     found = follow(scene, settings["impacts"])
     n = found.found
@@ -71,7 +68,7 @@ def orbit(scene: Scene, settings: dict[str, Any]) -> Ended:
     return ("stopped", _reason(found.stopped)) if found.stopped else ("complete", "")
 
 
-def long_orbit(scene: Scene, settings: dict[str, Any]) -> Ended:
+def long_orbit(scene, settings):
     """The long orbit goes on from stretch to stretch, with finite growth; minus infinity without
     restitution."""
     orbit = LongOrbit(scene, settings.get("start", 0))
@@ -84,10 +81,10 @@ def long_orbit(scene: Scene, settings: dict[str, Any]) -> Ended:
     return ("stopped", "orbit") if orbit.ended <= 0 else ("complete", "")
 
 
-def closure(name: str) -> Callable[[Scene, dict[str, Any]], Ended]:
+def closure(name):
     """A closure gives finite numbers as far as it says that it goes, and none beyond."""
 
-    def prediction(scene: Scene, settings: dict[str, Any]) -> Ended:
+    def prediction(scene, settings):
         m = mean_map(scene, closure=name, **settings)
         n = m.trace.found
         names = own(scene)
@@ -121,7 +118,7 @@ def closure(name: str) -> Callable[[Scene, dict[str, Any]], Ended]:
     return prediction
 
 
-def _of_covariances(m: MeanMap, n: int) -> None:
+def _of_covariances(m, n):
     """Covariances are semidefinite, but where sizes differ too much for the digits of a float.
 
     Their scales are sds of what a covariance at one time is the difference of: those at the paths'
@@ -136,10 +133,10 @@ def _of_covariances(m: MeanMap, n: int) -> None:
     scales = sd[:, 2:] + np.reshape(rate, (n, 2 * m.scene.stages)) * sd[:, :1]
     semidefinite(m.trace.covariance[1 : n + 1][well], scales[well])
     for scale in scales[~well & (found["flight"] >= 0.0)]:
-        must(scale.max() > APART * scale[scale > 0.0].min(), "not realizable", scales)
+        must(scale.max() > FAR_APART * scale[scale > 0.0].min(), "not realizable", scales)
 
 
-def _at_times(m: MeanMap) -> None:
+def _at_times(m):
     """Moments at times that a float can tell apart."""
     low, high = m.trace.span
     times = m.scene.to_absolute_time(low + np.linspace(0.25, 0.75, 2) * (high - low))
@@ -148,13 +145,13 @@ def _at_times(m: MeanMap) -> None:
         must(np.isfinite(fixed.to_numpy()), "moments at fixed times\n", fixed)
 
 
-def validation(scene: Scene, settings: dict[str, Any]) -> Ended:
+def validation(scene, settings):
     """Every row of a validation has a verdict; where there is one, numbers are behind it."""
     has_verdicts(validate(scene, **settings).table)
     return "complete", ""
 
 
-def _unexplained(m: MeanMap, n: int) -> dict[str, Any]:
+def _unexplained(m, n):
     """Entries of the section that are NaN, and may not be, as far as the closure goes; by column,
     shape (n,).
 
@@ -177,11 +174,11 @@ def _unexplained(m: MeanMap, n: int) -> dict[str, Any]:
     return {name: table[name].isna().to_numpy() & ~allowed for name, allowed in may.items()}
 
 
-def _reason(stopped: str) -> str:
+def _reason(stopped):
     return stopped.partition(" after impact")[0]
 
 
-ENTRIES: dict[str, Callable[[Scene, dict[str, Any]], Ended]] = {
+ENTRIES = {
     "scene": round_trip,
     "orbit": orbit,
     "long orbit": long_orbit,

@@ -3,19 +3,15 @@
 import contextlib
 import re
 import tempfile
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import tomli_w
-from click.testing import CliRunner, Result
+from click.testing import CliRunner
 from commands import main, strict
-from fuzz_must import Ended, must
-
-from rattle.scene import Scene
+from fuzz_must import must
 
 
-def run(*words: str) -> Result:
+def run(*words):
     """A command line that has ended as ours do, with a reason where it refuses."""
     done = CliRunner().invoke(main, words)
     if done.exception is not None and not isinstance(done.exception, SystemExit):
@@ -26,10 +22,10 @@ def run(*words: str) -> Result:
     return done
 
 
-def command(name: str) -> Callable[[Scene, dict[str, Any]], Ended]:
+def command(name):
     """The command prints strict JSON, and the report that it has written can be shown."""
 
-    def on_file(scene: Scene, settings: dict[str, Any]) -> Ended:
+    def on_file(scene, settings):
         table = scene.to_dict()
         options = ["--workers=1", "--json", "--out=report"]
         if name == "study":

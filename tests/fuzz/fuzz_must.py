@@ -1,16 +1,13 @@
 """Assertions that the checks share."""
 
-from typing import Any
-
 import numpy as np
 
-from rattle.scene import RattleError, Scene, section_names
+from rattle.scene import section_names
 
 FAINTEST = 1e-289  # smallest power of an sd that can be a divisor
 SLACK = 1e-9  # relative rounding error of a correlation and of an eigenvalue
 JUDGED = ["accurate", "inaccurate", "undecided"]
-Ended = tuple[str, str]
-SIMPLE: dict[str, Any] = {
+SIMPLE = {
     "scene": {
         "alpha": 1.5,
         "epsilon": 0.9,
@@ -26,25 +23,25 @@ SIMPLE: dict[str, Any] = {
 """A scene for negative controls."""
 
 
-def refused(error: RattleError, name: str) -> Ended:
+def refused(error, name):
     """An error of ours that names what it is about."""
     must(str(error) and name in str(error), repr(error), "does not name", repr(name))
     must(len(str(error)) <= 2000, "a message of", len(str(error)), "characters")
     return "refused", getattr(error, "field", type(error).__name__)
 
 
-def must(holds: Any, *what: Any) -> None:
+def must(holds, *what):
     """An invariant; what it is about goes into the message."""
     if not np.all(holds):
         raise AssertionError(" ".join(map(str, what)))
 
 
-def own(scene: Scene) -> list[str]:
+def own(scene):
     """The section quantities that a scene has."""
     return list(section_names(scene.stages))
 
 
-def semidefinite(covariance: Any, scales: Any = None) -> None:
+def semidefinite(covariance, scales=None):
     """No eigenvalue is negative but for rounding."""
     for k, matrix in enumerate(covariance):
         must(np.isfinite(matrix), "covariance is not finite", matrix)
@@ -57,7 +54,7 @@ def semidefinite(covariance: Any, scales: Any = None) -> None:
         )
 
 
-def has_verdicts(table: Any) -> None:
+def has_verdicts(table):
     """Every row of a comparison has a verdict; where it says more than that there is nothing to
     say, numbers do too."""
     must(table["verdict"].isin([*JUDGED, "not predicted", "excluded"]), table["verdict"].unique())

@@ -2,12 +2,14 @@
 rarely."""
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from itertools import accumulate
+from typing import NamedTuple
 
 from fuzz_space import LEAST, Numbers, any_scene
 
+from rattle import Scene
 from rattle.montecarlo import SCHEMES, default_step, largest_step
-from rattle.scene import RattleError, Scene
+from rattle.scene import RattleError
 
 WORK = 1e6  # steps of all paths
 HORIZON_PER_IMPACT = 50.0  # time and steps after which a path is given up by default
@@ -15,10 +17,9 @@ DEFAULT_STEPS = 10**7
 # steps of the default horizon above which entries without another horizon are tried rarely
 SOON = 1e5
 CODES = {1: (1, -1), 2: (1, -1, 2, -2)}  # of impacts, by number of wheels
-Settings = dict[str, Any]
 
 
-def built(data: dict[str, Any]) -> Scene | None:
+def built(data):
     """The scene, if it is one."""
     try:
         return Scene.from_dict(data)
@@ -26,14 +27,14 @@ def built(data: dict[str, Any]) -> Scene | None:
         return None
 
 
-def _closure(n: Numbers, scene: Scene) -> Settings:
+def _closure(n, scene):
     return {"impacts": n.count(64), "order": n.one(2, 3, 4, 5, 6)}
 
 
-def _run(scheme: str) -> Callable[[Numbers, Scene], Settings]:
+def _run(scheme):
     exact = not SCHEMES[scheme].has_step_bias
 
-    def settings(n: Numbers, scene: Scene) -> Settings:
+    def settings(n, scene):
         biased = not exact and n.often(0.3)
         paths = n.one(1, 2, 3, 31, 33, n.one(31, 33, 1000, 1030))
         impacts = n.count(64)
@@ -43,7 +44,7 @@ def _run(scheme: str) -> Callable[[Numbers, Scene], Settings]:
         step = default_step(scene, scheme, biased) if dt is None else dt
         horizon = step * n.size(1.0, WORK / paths, False)
         recorded = ("histogram", "batches", "energy")
-        out: Settings = {name: n.often(0.3) for name in recorded} | {"step_bias": biased}
+        out = {name: n.often(0.3) for name in recorded} | {"step_bias": biased}
         coarsest = 4.0 * step if biased else step
         if n.often(0.3) and horizon > coarsest:
             since = [n.size(coarsest, horizon, False) for _ in range(n.one(1, 1, 3))]
@@ -61,7 +62,7 @@ def _run(scheme: str) -> Callable[[Numbers, Scene], Settings]:
     return settings
 
 
-def _accuracy(n: Numbers, scene: Scene) -> Settings:
+def _accuracy(n, scene):
     return {
         "impacts": n.one(1, 1, 2, n.count(64)),
         "accuracy": n.size(1e-9, 0.9, False),
@@ -73,7 +74,7 @@ def _accuracy(n: Numbers, scene: Scene) -> Settings:
     }
 
 
-def _validation(n: Numbers, scene: Scene) -> Settings:
+def _validation(n, scene):
     return {
         "impacts": n.one(1, 2, 3, n.count(12)),
         "paths": n.one(1, 2, 3, 31, 33, 64),
@@ -83,11 +84,11 @@ def _validation(n: Numbers, scene: Scene) -> Settings:
     }
 
 
-def _report(n: Numbers, scene: Scene) -> Settings:
+def _report(n, scene):
     return {"impacts": n.one(1, 2), "paths": n.one(2, 33), "seed": n.seed()}
 
 
-def _study(n: Numbers, scene: Scene) -> Settings:
+def _study(n, scene):
     """A study over the noise and another field."""
     closures = n.one(["saltation"], ["published", "branching", "corrected"])
     study = {"impacts": n.one(1, 2, 3), "order": n.one(2, 4, 6), "paths": 64, "closures": closures}
@@ -95,7 +96,7 @@ def _study(n: Numbers, scene: Scene) -> Settings:
     return {"study": study, "axes": [{"sigma": sigmas}, {n.one("epsilon", "start.tau"): [0.25]}]}
 
 
-def _soon(scene: Scene) -> bool:
+def _soon(scene):
     """Whether the default horizon of a scene has few steps."""
     return min(HORIZON_PER_IMPACT / default_step(scene, "exact-flight"), DEFAULT_STEPS) < SOON
 
@@ -105,11 +106,11 @@ class Tried(NamedTuple):
     for the horizon."""
 
     share: float
-    settings: Callable[[Numbers, Scene], Settings]
+    settings: Callable
     waits: bool = False
 
 
-PLAN: dict[str, Tried] = {
+PLAN = {
     "scene": Tried(8, lambda n, scene: {}),
     "orbit": Tried(12, lambda n, scene: {"impacts": n.count(1000)}),
     "long orbit": Tried(6, lambda n, scene: {"impacts": n.count(64), "start": n.one(0, 1, 2, 3)}),
@@ -130,10 +131,10 @@ PLAN: dict[str, Tried] = {
 """Every entry point: the API, scene files, the command line, studies; the last two read back what
 was written."""
 
-_EDGES = [sum(tried.share for tried in list(PLAN.values())[: i + 1]) for i in range(len(PLAN))]
+_EDGES = list(accumulate(tried.share for tried in PLAN.values()))
 
 
-def job(seed: int, number: int, entry: str = "") -> tuple[str, dict[str, Any], Settings]:
+def job(seed, number, entry=""):
     """The scene of this number, with an entry point and settings; always the same for the same
     seed."""
     n = Numbers(seed, number)

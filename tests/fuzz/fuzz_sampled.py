@@ -7,15 +7,12 @@ the next makes worse by as much as the orbit is unstable, and that is no error o
 """
 
 import warnings
-from collections.abc import Callable
-from typing import Any
 
 import numpy as np
-from fuzz_must import FAINTEST, SLACK, Ended, must, own, semidefinite
+from fuzz_must import FAINTEST, SLACK, must, own, semidefinite
 from settings import recorded
 
-from rattle.montecarlo import Ensemble, simulate, simulate_to
-from rattle.scene import Floats, Scene, Tolerance
+from rattle import Tolerance, simulate, simulate_to
 from rattle.scene.flight import flow, wheel_speeds
 from rattle.scene.impact import strike
 
@@ -23,16 +20,16 @@ OVERSHOOTS = ("euler-maruyama",)
 """Schemes that detect walls at the end of a step only, so that a stage may be left beyond its wall
 there."""
 CORRELATION = 1.0 + 1e-12
-LEAST = {"": (2, 0, 0), "sd_": (3, 0, 2), "skew_": (3, 3, 6), "kurt_": (4, 4, 8)}
+FEWEST_PATHS = {"": (2, 0, 0), "sd_": (3, 0, 2), "skew_": (3, 3, 6), "kurt_": (4, 4, 8)}
 """Fewest paths for the standard error of a moment; powers of the sd that divide the moment, and its
 error."""
 
 
-def scheme(name: str) -> Callable[[Scene, dict[str, Any]], Ended]:
+def scheme(name):
     """A simulation is the same on any number of workers, and its statistics belong to
     distributions."""
 
-    def ensemble(scene: Scene, settings: dict[str, Any]) -> Ended:
+    def ensemble(scene, settings):
         given = recorded({"scheme": name, "raw": True} | settings)
         run = simulate(scene, **given)
         if settings["paths"] > 1024:
@@ -50,7 +47,7 @@ def scheme(name: str) -> Callable[[Scene, dict[str, Any]], Ended]:
     return ensemble
 
 
-def accuracy(scene: Scene, settings: dict[str, Any]) -> Ended:
+def accuracy(scene, settings):
     """An accuracy is reached, or what was reached and what is missing is said."""
     with warnings.catch_warnings(record=True, action="always") as said:
         run = simulate_to(scene, **recorded(settings))
@@ -68,12 +65,12 @@ def accuracy(scene: Scene, settings: dict[str, Any]) -> Ended:
     return ("complete", "") if reach.reached else ("stopped", "budget")
 
 
-def is_random(scene: Scene) -> bool:
+def is_random(scene):
     """Whether paths differ."""
     return scene != scene.noise_free
 
 
-def of_an_ensemble(run: Ensemble) -> None:
+def of_an_ensemble(run):
     """All tables of an ensemble."""
     reached = run.section["paths"].to_numpy()
     _shares(run, reached)
@@ -83,7 +80,7 @@ def of_an_ensemble(run: Ensemble) -> None:
     must(bool(run.diagnostics) or not run.unfinished, "no diagnostic of", run.unfinished)
 
 
-def _shares(run: Ensemble, reached: Any) -> None:
+def _shares(run, reached):
     """Paths that have an impact, and those of them that agree, grow fewer."""
     must((reached >= 0) & (np.diff(reached, prepend=run.paths) <= 0), "paths", reached)
     must(reached[-1] + run.unfinished == run.paths, "unfinished", run.unfinished, reached)
@@ -93,7 +90,7 @@ def _shares(run: Ensemble, reached: Any) -> None:
     must(np.diff(share, axis=0) <= 0.0, "agreement rises", share)
 
 
-def _moments(run: Ensemble, reached: Any) -> None:
+def _moments(run, reached):
     table = run.section
     names = own(run.scene)
     must(~np.isinf(table.to_numpy(float)), "infinite\n", table.T)
@@ -108,7 +105,7 @@ def _moments(run: Ensemble, reached: Any) -> None:
         must(~(table["energy"] < 0.0), "energy", table["energy"])
 
 
-def _at_times(run: Ensemble) -> None:
+def _at_times(run):
     fixed = run.at_times()
     must(~np.isinf(fixed.to_numpy(float)), "an infinite number at a time\n", fixed.T)
     for s in range(1, run.scene.stages + 1) if len(fixed) else ():
@@ -119,14 +116,14 @@ def _at_times(run: Ensemble) -> None:
         must(fixed.loc[varies, f"rho{s}"].abs() <= CORRELATION, "no correlation\n", fixed.T)
 
 
-def unexplained(run: Ensemble) -> dict[str, Any]:
+def unexplained(run):
     """Entries of the section that are NaN, and may not be; by column, shape (impacts,).
 
     A number may be missing where nothing has it (a second stage of a single one; an impact that no
     path had, which ``paths`` tells), a standard error where so few paths of a random scene have the
-    impact that they tell none (`LEAST`), a skewness, kurtosis, their errors and a correlation where
-    a quantity does not vary (its sd is 0), or so little that the power of the sd that divides them
-    is no float.
+    impact that they tell none (`FEWEST_PATHS`), a skewness, kurtosis, their errors and a
+    correlation where a quantity does not vary (its sd is 0), or so little that the power of the sd
+    that divides them is no float.
     """
     table = run.section
     paths = table["paths"].to_numpy()
@@ -134,7 +131,7 @@ def unexplained(run: Ensemble) -> dict[str, Any]:
     sd = np.sqrt(np.nan_to_num(run.result.sums["section"].moment(2, 0)))
     may = dict.fromkeys(("mesh", "side", "agreement", "paths"), few[0])
     for i, q in enumerate(own(run.scene)):
-        for prefix, (least, power, se_power) in LEAST.items():
+        for prefix, (least, power, se_power) in FEWEST_PATHS.items():
             may[prefix + q] = sd[:, i] ** power <= FAINTEST
             may["se_" + prefix + q] = few[least] | (sd[:, i] ** se_power <= FAINTEST)
     for stage in range(1, run.scene.stages + 1):
@@ -147,7 +144,7 @@ def unexplained(run: Ensemble) -> dict[str, Any]:
     }
 
 
-def _in_time(run: Ensemble, reached: Any) -> None:
+def _in_time(run, reached):
     """The mean time of impacts that the same paths have increases, by the mean flight, and no mean
     is beyond a wall."""
     columns = run.phase_reduced.columns  # with all their digits
@@ -166,7 +163,7 @@ def _in_time(run: Ensemble, reached: Any) -> None:
         must(~(abs(x) > most * (1.0 + SLACK)), "a mean beyond its walls", x, most)
 
 
-def of_its_paths(scene: Scene, raw: Any, name: str) -> None:
+def of_its_paths(scene, raw, name):
     """Every path is causal and inside the widest its walls may be, on a wall where it strikes
     one."""
     there = ~np.isnan(raw[..., 0])
@@ -188,14 +185,14 @@ def of_its_paths(scene: Scene, raw: Any, name: str) -> None:
 
 
 # paths, flights of each, and times in a flight that are checked
-PATHS = 3
+CHECKED_PATHS = 3
 FLIGHTS = 8
 INSTANTS = 16
 CLOSE = 1e-7  # admissible error of exact flights, relative to gap and speed
-STEPS = 4.0  # admissible error of the Euler schemes, in steps
+STEPS_OFF = 4.0  # admissible error of the Euler schemes, in steps
 
 
-def follows_the_flow(run: Ensemble) -> None:
+def follows_the_flow(run):
     """Compare the first flights of the first paths of a run without noise with the flow."""
     scene = run.scene
     if scene.sigma > 0.0 or run.sticking_steps or run.raw is None:
@@ -203,7 +200,7 @@ def follows_the_flow(run: Ensemble) -> None:
     dt = 0.0 if run.scheme == "exact-flight" else run.dt
     late = dt if run.scheme in OVERSHOOTS else 0.0  # an impact may be
     known = scene.tolerance is None or scene.tolerance.distribution == "fixed"
-    for rows in np.asarray(run.raw)[:PATHS]:
+    for rows in np.asarray(run.raw)[:CHECKED_PATHS]:
         before = (scene.phase, scene.start_state, scene.start.mesh) if known else None
         for tau, flight, *end, code in rows[~np.isnan(rows[:, 0])][:FLIGHTS]:
             state = np.array(end)
@@ -213,13 +210,13 @@ def follows_the_flow(run: Ensemble) -> None:
 
 
 def _one_flight(
-    scene: Scene,
-    before: tuple[float, Floats, int],
-    flight: float,
-    end: Floats,
-    dt: float,
-    late: float,
-) -> None:
+    scene,
+    before,
+    flight,
+    end,
+    dt,
+    late,
+):
     c = scene.constants
     tau, state, mesh = before
     # what came later in the same step had begun at these speeds
@@ -236,7 +233,7 @@ def _one_flight(
     speed = max(abs(state[1::2]).sum(), met) + drawn * flight
     rate = c.alpha + (1.0 + beta.sum()) * drawn  # of an acceleration
     blurred = 4.0 * np.spacing(abs(tau) + flight)  # of a flight that is the difference of two times
-    changed = STEPS * dt * (drawn + rate * flight)
+    changed = STEPS_OFF * dt * (drawn + rate * flight)
     wrong_y = changed + CLOSE * speed + blurred * drawn
     wrong_x = changed * (flight + dt) + CLOSE * speed * flight + (late + blurred) * speed
     walls = np.array(scene.windows)

@@ -7,7 +7,6 @@ example.
 """
 
 import math
-from typing import Any, TypeVar
 
 import numpy as np
 
@@ -21,25 +20,23 @@ LARGEST_DAMPING = 1e4
 LARGEST_TIME = 1e12
 BELOW_ONE = 1.0 - 2.0**-53
 SIZES = (1e-12, 1e12)  # of a gear
-Data = dict[str, Any]
-T = TypeVar("T")
 
 
 class Numbers:
     """What is drawn, one after the other."""
 
-    def __init__(self, *key: int) -> None:
+    def __init__(self, *key):
         self.stream = np.random.Generator(np.random.Philox(np.random.SeedSequence(key)))
 
-    def often(self, share: float) -> bool:
+    def often(self, share):
         """True in this share of the draws."""
         return bool(self.stream.random() < share)
 
-    def one(self, *values: T) -> T:
+    def one(self, *values):
         """One of some values; what is given twice comes twice as often."""
         return values[int(self.stream.integers(len(values)))]
 
-    def size(self, least: float, most: float, zero: bool = True) -> float:
+    def size(self, least, most, zero=True):
         """Log-uniform between two ends; each end in one draw of twenty, 0 in one of ten where it is
         admissible.
 
@@ -56,15 +53,15 @@ class Numbers:
             min(max(10.0 ** self.stream.uniform(math.log10(least), math.log10(most)), least), most)
         )
 
-    def count(self, most: int) -> int:
+    def count(self, most):
         """A log-uniform whole number from 1 on."""
         return min(int(self.size(1.0, most + 1.0, zero=False)), most)
 
-    def signed(self, most: float) -> float:
+    def signed(self, most):
         """A number of either sign, 0 among them."""
         return self.one(1.0, -1.0) * self.size(LEAST, most)
 
-    def seed(self) -> int:
+    def seed(self):
         """A seed."""
         return self.one(0, 1, 2**63, 2**128 - 1, int(self.stream.integers(2**62)))
 
@@ -73,13 +70,13 @@ class _Lengths:
     """Sizes of what is a length over a power of time: anywhere, or around one unit, near to it or
     far."""
 
-    def __init__(self, numbers: Numbers) -> None:
+    def __init__(self, numbers):
         self.numbers = numbers
         self.unit, self.near = numbers.one(
             (None, 0.0), (numbers.size(*GAPS, zero=False), 300.0), (0.5, 4.0)
         )
 
-    def size(self, least: float, most: float, zero: bool = True) -> float:
+    def size(self, least, most, zero=True):
         if self.unit is None:
             return self.numbers.size(least, most, zero)
         low = max(least, self.unit / self.near)
@@ -87,7 +84,7 @@ class _Lengths:
         return self.numbers.size(low, high, zero)
 
 
-def _share(n: Numbers) -> float:
+def _share(n):
     """Between 0 and 1, ends included, as close to either as floats allow."""
     any_size = n.size(LEAST, 1.0)
     near_one = 1.0 - n.size(2.0**-53, 1.0)
@@ -96,13 +93,13 @@ def _share(n: Numbers) -> float:
     )
 
 
-def _damping(n: Numbers, tame: bool) -> float:
+def _damping(n, tame):
     return n.size(1e-3, 10.0) if tame else n.size(LEAST, LARGEST_DAMPING)
 
 
-def _plain(n: Numbers, lengths: _Lengths, stages: int) -> Data:
+def _plain(n, lengths, stages):
     tame = lengths.unit is not None
-    scene: Data = {
+    scene = {
         "alpha": lengths.size(LEAST_SIZE, LARGEST),
         "epsilon": _share(n),
         "beta1": _damping(n, tame),
@@ -123,7 +120,7 @@ def _plain(n: Numbers, lengths: _Lengths, stages: int) -> Data:
     return scene
 
 
-def _gears(n: Numbers, scene: Data) -> Data:
+def _gears(n, scene):
     """A gear pair of any size that makes about this scene."""
     names = ("omega", "inertia1", "inertia2", "radius1", "radius2", "backlash1")
     sizes = (1e-3, 1e3) if n.often(0.5) else SIZES
@@ -137,7 +134,7 @@ def _gears(n: Numbers, scene: Data) -> Data:
     return pair | {"alpha": scene["alpha"], "epsilon": scene["epsilon"]}
 
 
-def _deviation(n: Numbers, gap: float) -> float:
+def _deviation(n, gap):
     """0, the least, anything below the gap, or just under it."""
     under = math.nextafter(gap, 0.0)
     return n.one(
@@ -145,7 +142,7 @@ def _deviation(n: Numbers, gap: float) -> float:
     )
 
 
-def _tolerance(n: Numbers, gaps: tuple[float, float], stages: int) -> Data:
+def _tolerance(n, gaps, stages):
     second = n.size(LEAST_SIZE, GAPS[1]) if stages == 1 and n.often(0.3) else _deviation(n, gaps[1])
     return {
         "c1_max": _deviation(n, gaps[0]),
@@ -155,14 +152,12 @@ def _tolerance(n: Numbers, gaps: tuple[float, float], stages: int) -> Data:
     }
 
 
-def _start(
-    n: Numbers, lengths: _Lengths, stages: int, gaps: tuple[float, float], free: tuple[float, float]
-) -> Data:
+def _start(n, lengths, stages, gaps, free):
     """At a mesh or in flight; with zero velocity, at an edge, in the middle; early, and as late as
     is admissible."""
     mesh = n.one(*range(stages + 1))
     tau = n.one(n.signed(LARGEST_TIME), n.stream.uniform(-10.0, 10.0))
-    start: Data = {"tau": tau, "mesh": mesh}
+    start = {"tau": tau, "mesh": mesh}
     for i, gap, room in zip((1, 2), gaps, free, strict=True):
         side = n.one(1.0, -1.0)
         speed = lengths.size(LEAST, LARGEST, zero=False)
@@ -178,12 +173,12 @@ def _start(
     return start
 
 
-def any_scene(n: Numbers) -> Data:
+def any_scene(n):
     """A scene in the form of `Scene.from_dict`; nearly all of them pass input validation."""
     stages = n.one(2, 2, 1)
     lengths = _Lengths(n)
     scene = _plain(n, lengths, stages)
-    data: Data = {"scene": scene}
+    data = {"scene": scene}
     gaps = scene["gap1"], scene.get("gap2", 0.5)
     if stages == 2 and n.often(0.1):
         pair = _gears(n, scene)

@@ -14,14 +14,13 @@ from commands import study
 from fuzz_must import refused
 from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
+from scenes import dat21
 from settings import recorded
 
-from rattle import Study, load_study, validate
-from rattle.closure import mean_map
-from rattle.montecarlo import simulate, simulate_to
-from rattle.scene import DAT21, RattleError, Scene
+from rattle import Scene, Study, load_study, mean_map, simulate, simulate_to, validate
+from rattle.scene import RattleError
 
-DAT = Scene.from_gears(DAT21, sigma=0.1)
+DAT = dat21(0.1)
 
 
 def tried(**strategies):
@@ -38,7 +37,7 @@ def tried(**strategies):
     return lambda test: pytest.mark.slow(same(given(**strategies)(test)))
 
 
-BAD = st.sampled_from(
+ANYTHING = st.sampled_from(
     [
         math.nan,
         math.inf,
@@ -105,18 +104,18 @@ CALLS = {
     ("data",): Scene.from_dict,
 }
 """Public calls by the settings that they take."""
-STUDIES = {"path": (Study.load, load_study), "text": (Study.from_toml,)}
+STUDY_CALLS = {"path": (Study.load, load_study), "text": (Study.from_toml,)}
 
 
 @pytest.mark.filterwarnings("ignore::rattle.montecarlo.AccuracyWarning")
 @tried(
     place=st.sampled_from([(names, name) for names in CALLS for name in names]),
-    value=BAD,
+    value=ANYTHING,
     inputs=150,
 )
 def test_bad_settings_are_refused_by_name(place, value):
     names, name = place
-    of_studies = [partial(call, value) for call in STUDIES.get(name, ())]
+    of_studies = [partial(call, value) for call in STUDY_CALLS.get(name, ())]
     for call in (partial(CALLS[names], **{name: value}), *of_studies):
         try:
             call()
@@ -124,13 +123,13 @@ def test_bad_settings_are_refused_by_name(place, value):
             refused(error, "" if name in ("text", "path", "data") else name.rstrip("s"))
 
 
-STUDY = study(
+WHOLE_STUDY = study(
     "bad",
     closures=("saltation", "corrected"),
     sigma="{ log = [0.01, 0.1, 2] }",
     more="seed = 3\nwithin = { mean = 0.05, sd = 0.1 }",
 )
-STUDY += '\n[[axes]]\ngap1 = [0.4, 0.5]\n"tolerance.c1_max" = [0.0, 0.01]\n'
+WHOLE_STUDY += '\n[[axes]]\ngap1 = [0.4, 0.5]\n"tolerance.c1_max" = [0.0, 0.01]\n'
 
 
 def read_study(text):
@@ -138,7 +137,7 @@ def read_study(text):
     return study.cells if len(study.points) < 50 else ()
 
 
-READERS = [(Scene.from_toml, DAT.to_toml()), (read_study, STUDY)]
+TEXT_READERS = [(Scene.from_toml, DAT.to_toml()), (read_study, WHOLE_STUDY)]
 TOKENS = (
     "",
     "nan",
@@ -163,7 +162,7 @@ CUTS = st.lists(
 )
 
 
-@tried(reader=st.sampled_from(READERS), cuts=CUTS, inputs=80)
+@tried(reader=st.sampled_from(TEXT_READERS), cuts=CUTS, inputs=80)
 def test_spoilt_texts_are_refused_or_read(reader, cuts):
     read, text = reader
     for share, length, token in cuts:

@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 from fuzz_checks import check
 from fuzz_must import SIMPLE
+from scenes import dat21
 
-from rattle.montecarlo import SCHEMES, Ensemble, Record, simulate
-from rattle.scene import DAT21, Scene
+from rattle import Record, Scene, simulate
+from rattle.montecarlo import SCHEMES, Ensemble
 
-SCENE = Scene.from_dict(SIMPLE)
+SIMPLE_SCENE = Scene.from_dict(SIMPLE)
 
 
 def backwards(orbit):
@@ -40,7 +41,7 @@ def test_a_wrong_answer_is_seen(entry, name, spoil, monkeypatch):
 @pytest.fixture(scope="module")
 def run():
     record = Record(raw=True, energy=True)
-    return simulate(SCENE, paths=8, impacts=3, dt=0.01, rng=1, record=record)
+    return simulate(SIMPLE_SCENE, paths=8, impacts=3, dt=0.01, rng=1, record=record)
 
 
 COLUMNS = {
@@ -69,18 +70,18 @@ def test_a_wrong_column_is_seen(column, value, run, monkeypatch):
 
 @pytest.mark.parametrize(("column", "value"), [(0, -1.0), (1, -1e-9), (4, -0.7), (6, 3.0)])
 def test_a_wrong_path_is_seen(column, value, run):
-    fuzz_sampled.of_its_paths(SCENE, run.raw, "exact-flight")
+    fuzz_sampled.of_its_paths(SIMPLE_SCENE, run.raw, "exact-flight")
     raw = run.raw.copy()
     raw[3, 1, column] = value
     with pytest.raises(AssertionError):
-        fuzz_sampled.of_its_paths(SCENE, raw, "exact-flight")
+        fuzz_sampled.of_its_paths(SIMPLE_SCENE, raw, "exact-flight")
 
 
 @pytest.mark.parametrize("scheme", SCHEMES)
 def test_a_flight_without_noise_that_is_none_of_eq_3_is_seen(scheme):
     """A wrong speed, and an impact that was flown through: its two flights as one."""
     given = {"scheme": scheme, "dt": 0.002, "paths": 1, "impacts": 6, "record": Record(raw=True)}
-    run = simulate(Scene.from_gears(DAT21), **given)
+    run = simulate(dat21(), **given)
     fuzz_sampled.follows_the_flow(run)
     wrong = run.raw.copy()
     wrong[0, 2, 3] += 0.3

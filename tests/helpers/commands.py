@@ -2,14 +2,13 @@
 
 import json
 import shlex
-from collections.abc import Iterator
 
 import click
 from click.testing import CliRunner
 
 from rattle.compare.cli.main import main
 
-__all__ = ["commands", "main", "rattle", "strict", "study"]
+__all__ = ["commands", "main", "manifest_of", "rattle", "strict", "study"]
 
 STUDY = """
 [study]
@@ -55,6 +54,11 @@ def rattle(line, *words, code=0, **settings):
     return done
 
 
+def manifest_of(folder):
+    """What a report says of how it was made."""
+    return json.loads((folder / "manifest.json").read_text())
+
+
 def strict(text):
     """JSON as its standard has it: without NaN and without infinity."""
 
@@ -64,7 +68,7 @@ def strict(text):
     return json.loads(text, parse_constant=refused)
 
 
-def commands(group: click.Group = main, above: str = "") -> Iterator[tuple[str, click.Command]]:
+def commands(group=main, above=""):
     """Each command that does something, by its words after ``rattle``: ``simulate``, ``check
     speed``."""
     for name, command in sorted(group.commands.items()):

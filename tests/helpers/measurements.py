@@ -17,6 +17,9 @@ UNITS = {  # of each unit in one of mm, mm/s or mm/s^2
     "deg": math.degrees(1.0 / RADIUS),
     "rpm": 30.0 / math.pi / RADIUS,
 }
+OMEGA = 300.0
+TIMES = np.arange(8000) * 2.5e-4
+"""Of 95 periods, in s."""
 QUANTITIES = ("displacement", "speed", "acceleration")
 
 

@@ -213,3 +213,27 @@ def gearbox(c, drive=SINE):
         for w in c.wheels
     ]
     return Gearbox(wheels, c.alpha, c.sigma, drive)
+
+
+def follow_covariance(scene, orbit, bends=True):
+    """Covariances of all paths in the middle of each flight and at its end; without the bend of
+    neighbours' paths at an impact, as `corrected` has it and a negative control."""
+    box = gearbox(scene.constants)
+    size = orbit.before.shape[1]
+    spread = np.zeros((size, size))
+    middles = []
+    ends = []
+    for k in range(1, orbit.found + 1):
+        begin, end = orbit.tau[k - 1 : k + 1]
+        half = 0.5 * (end - begin)
+        spread = box.covariance(begin, spread, half)
+        middles.append(spread)
+        spread = box.covariance(begin + half, spread, half)
+        ends.append(spread)
+        jump = box.restitution(orbit.mesh[k])
+        if bends:
+            i = 2 * orbit.mesh[k] - 2
+            before, after = (box.rates(end, of[k]) for of in (orbit.before, orbit.after))
+            jump[:, i] += (after - jump @ before) / before[i]
+        spread = jump @ spread @ jump.T
+    return np.array(middles), np.array(ends)

@@ -6,10 +6,10 @@ import re
 import shutil
 import subprocess
 import sys
-from pathlib import Path
+
+from places import ROOT
 
 LONG = 600  # seconds that nothing here takes, however busy the machine
-ROOT = Path(__file__).resolve().parents[2]
 
 
 def install(place):
@@ -37,10 +37,10 @@ def python(*words, code=0, cwd=None, **environment):
     return done
 
 
-def start(*words, **environment):
+def start(*words, stderr=subprocess.PIPE, **environment):
     """A Python that runs, with pipes for text."""
-    pipes = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.PIPE)
     command = [sys.executable, *map(str, words)]
+    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "stderr": stderr}
     return subprocess.Popen(command, env=surroundings(environment), text=True, bufsize=1, **pipes)
 
 

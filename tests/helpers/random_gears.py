@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from rattle.scene import Scene, Start
+from rattle import Scene, Start
 
 SEED = 17
 TUNED = 6
@@ -40,7 +40,7 @@ NOISE = (0.01, 0.03, 0.1, 0.3, 1.0)
 """``sigma / sqrt(alpha)``."""
 
 
-def gear_sets(seed: int = SEED, sets: int = 12) -> list[Scene]:
+def gear_sets(seed=SEED, sets=12):
     """One and two stages in turn, restitution 0.3 to 0.95, unequal gaps, excitation 0.5 to 3;
     without noise."""
     rng = np.random.default_rng(seed)
@@ -71,6 +71,6 @@ def gear_sets(seed: int = SEED, sets: int = 12) -> list[Scene]:
     return found
 
 
-def noisy(scene: Scene, noise: float) -> Scene:
+def noisy(scene, noise):
     """A gear set with noise ``sigma = noise sqrt(alpha)``."""
     return replace(scene, sigma=noise * math.sqrt(scene.alpha))

@@ -6,14 +6,13 @@ within a function.
 """
 
 import ast
-from collections.abc import Iterator
-from pathlib import Path
 
-ROOT = Path(__file__).resolve().parents[2]
+from places import ROOT
+
 PACKAGES = ("scene", "closure", "montecarlo", "compare")
 
 
-def sources() -> dict[str, ast.Module]:
+def sources():
     """The modules of the four packages by dotted name, such as ``montecarlo.kernel.block``."""
     found = {}
     for package in PACKAGES:
@@ -23,7 +22,7 @@ def sources() -> dict[str, ast.Module]:
     return found
 
 
-def docstring_lines(tree: ast.Module) -> set[int]:
+def docstring_lines(tree):
     """Numbers of the lines that docstrings stand on: every string that is a statement."""
     return {
         line
@@ -35,9 +34,9 @@ def docstring_lines(tree: ast.Module) -> set[int]:
     }
 
 
-def import_graph(modules: dict[str, ast.Module]) -> dict[str, set[str]]:
+def import_graph(modules):
     """The modules of this project that each module imports."""
-    graph: dict[str, set[str]] = {name: set() for name in modules}
+    graph = {name: set() for name in modules}
     for name, tree in modules.items():
         for node in ast.walk(tree):
             if isinstance(node, ast.ImportFrom) and f"{node.module}.".startswith("rattle."):
@@ -49,7 +48,7 @@ def import_graph(modules: dict[str, ast.Module]) -> dict[str, set[str]]:
     return graph
 
 
-def circles(graph: dict[str, set[str]]) -> list[set[str]]:
+def circles(graph):
     """Sets of modules that import each other, directly or through others."""
     reach = {name: set(found) for name, found in graph.items()}
     for middle in graph:
@@ -63,18 +62,18 @@ def circles(graph: dict[str, set[str]]) -> list[set[str]]:
     return [set(circle) for circle in joined if circle]
 
 
-def rooms(graph: dict[str, set[str]], package: str) -> dict[str, set[str]]:
+def rooms(graph, package):
     """The folders and single modules of a package, and which others of them each one imports."""
     inside = {
         name: ".".join(name.split(".")[:2]) for name in graph if name.startswith(f"{package}.")
     }
-    found: dict[str, set[str]] = {room: set() for room in inside.values()}
+    found = {room: set() for room in inside.values()}
     for name, room in inside.items():
         found[room] |= {inside[target] for target in graph[name] & inside.keys()} - {room}
     return found
 
 
-def rows() -> Iterator[tuple[str, int, int, int, int]]:
+def rows():
     """For each package and for all: modules, lines, lines of code, lines of docstrings."""
     counts = []
     for package in PACKAGES:
@@ -98,7 +97,7 @@ def rows() -> Iterator[tuple[str, int, int, int, int]]:
     yield "all", *(sum(column) for column in zip(*counts, strict=True))
 
 
-def main() -> None:
+def main():
     """Print the counts."""
     print(f"{'':12}{'modules':>8}{'lines':>8}{'code':>8}{'docstrings':>12}")
     for package, modules, lines, code, documented in rows():

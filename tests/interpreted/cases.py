@@ -7,17 +7,16 @@ NUMBA_DISABLE_JIT=1 the interpreter makes them, from the same source.
 import json
 import math
 import sys
-from collections.abc import Callable
 from dataclasses import replace
 from unittest import mock
 
 import numpy as np
-from scenes import TREES, tree
+from scenes import OSCILLATOR, dat21, tree
+from settings import USEFUL_STEP
 
-from rattle import Sampling
-from rattle.closure import mean_map
+from rattle import Order, Record, Sampling, Scene, Start, Tolerance, follow, mean_map, simulate
 from rattle.closure.branching.advance import Level
-from rattle.montecarlo import SCHEMES, Record, simulate
+from rattle.montecarlo import SCHEMES
 from rattle.montecarlo.bench import _normals, _scalar_normals, _skill_loop, _steps
 from rattle.montecarlo.branches.search import BranchSearch
 from rattle.montecarlo.coupling.paths import LongPath, after_impact, growths
@@ -28,16 +27,14 @@ from rattle.montecarlo.long_run.walk import Walk
 from rattle.montecarlo.noise.philox import key_of
 from rattle.montecarlo.schemes.euler import step_forcing
 from rattle.montecarlo.settings import plan_of
-from rattle.scene import DAT21, Order, Scene, Start, Tolerance, Wheel
 from rattle.scene.long_orbit import LongOrbit, velocities
-from rattle.scene.orbit import follow
 
-PAIR = Scene.from_gears(DAT21, sigma=0.3)
-LONE = Scene.from_gears(DAT21, sigma=0.3, stages=1)
+DAT21_PAIR = dat21(0.3)
+LONE = dat21(0.3, stages=1)
 UNDAMPED = Scene(
     alpha=0.5, epsilon=1.0, beta1=0.0, gamma1=0.0, beta2=0.0, gamma2=0.0, mu=0.3, sigma=0.1
 )
-STICKING = Scene(
+STICKING_PAIR = Scene(
     alpha=0.0,
     epsilon=0.4,
     beta1=0.0,
@@ -47,9 +44,9 @@ STICKING = Scene(
     start=Start(0.0, 0.49, 0.2, -0.49, -0.2),
 )
 """Both stages are accelerated into their flanks, where impacts accumulate."""
-PRESSED = replace(STICKING, sigma=1e-3, noise={1: 1.0, 2: 1.0})
+NOISY_STICKING = replace(STICKING_PAIR, sigma=1e-3, noise={1: 1.0, 2: 1.0})
 """The same, while each wheel has a noise of its own."""
-DRIVEN = Scene(
+DRIVEN_STAGE = Scene(
     alpha=3.0,
     epsilon=0.1,
     beta1=0.1,
@@ -58,24 +55,19 @@ DRIVEN = Scene(
     sigma=2.0,
     start=Start(0.3, 0.5, 2.0, mesh=1),
 )
-HELD = Wheel(beta=0.1, gamma=0.2, gap=0.4, stiffness=2.0, one_sided=True)
-BODY = Scene(
-    alpha=1.2, epsilon=0.8, sigma=0.3, noise=1, wheels=[HELD], start=Start(0.3, -0.05, 0.5)
-)
-"""A spring, one wall, and noise of its own."""
-MEMORY = replace(PAIR, drive=(Order(1), Order(3, 0.2, 0.4)), correlation_time=0.5)
-TREE = TREES["tree of 4"]
-FAR = replace(PAIR, gap1=1e6, gap2=1e6, start=Start(0.0, 0.0, 1.0, 0.0, 1.0))
-SCENES = {
+BODY = OSCILLATOR.with_sigma(0.3)
+MEMORY = replace(DAT21_PAIR, drive=(Order(1), Order(3, 0.2, 0.4)), correlation_time=0.5)
+FAR = replace(DAT21_PAIR, gap1=1e6, gap2=1e6, start=Start(0.0, 0.0, 1.0, 0.0, 1.0))
+ALL_KINDS = {
     "tree": tree((0, 1, 1, 2), 7, alpha=0.6, gamma=1.0, epsilon=(0.1, 0.4)),
-    "two stages": PAIR,
-    "without noise": replace(PAIR, sigma=0.0),
+    "two stages": DAT21_PAIR,
+    "without noise": replace(DAT21_PAIR, sigma=0.0),
     "undamped": UNDAMPED,
-    "sticking": STICKING,
-    "driven": DRIVEN,
+    "sticking": STICKING_PAIR,
+    "driven": DRIVEN_STAGE,
     "body": BODY,
-    "shaken": replace(PAIR, noise={"drive": 1.0, 1: 0.5, 2: 2.0}),
-    "in flight": replace(PAIR, start=Start(0.2, 0.1, 1.0, 0.2, -1.0)),
+    "shaken": replace(DAT21_PAIR, noise={"drive": 1.0, 1: 0.5, 2: 2.0}),
+    "in flight": replace(DAT21_PAIR, start=Start(0.2, 0.1, 1.0, 0.2, -1.0)),
 }
 
 
@@ -130,7 +122,7 @@ def simulated(scene, scheme, paths=3, impacts=3, **settings):
 
 def rare_branches():
     """The design point of a branch at the first impact, and a few paths drawn near it."""
-    scene = Scene.from_gears(DAT21, sigma=0.1)
+    scene = dat21(0.1)
     shift = BranchSearch(scene, 1, 24, math.pi / 96).until(1.0).branches[0].shift
     plan = plan_of(scene, paths=40, impacts=2, dt=math.pi / 96, scheme="exact-flight", rng=5)
     with mock.patch("rattle.montecarlo.kernel.block.BLOCK", 40):
@@ -163,7 +155,9 @@ def long_run_sums(scene):
 def merged():
     """Sums of nine paths, merged with themselves."""
     record = Record(energy=True)
-    run = simulate(PAIR, paths=9, impacts=1, dt=STEP["exact-flight"], rng=5, record=record)
+    run = simulate(
+        DAT21_PAIR, paths=9, impacts=1, dt=USEFUL_STEP["exact-flight"], rng=5, record=record
+    )
     sums = run.result.sums["section"]
     yield from (sums.n, sums.mean, sums.sums, sums.merge(sums).sums)
 
@@ -176,17 +170,21 @@ def bench():
     yield z.copy()
     state = np.ones((4, 8))
     forcing = np.zeros((2, 2))
-    step_forcing(PAIR.constants, 0.1, 0.01, forcing)
-    _steps(PAIR.constants, forcing, state, np.zeros((2, 8)), z[0], np.zeros(8, np.bool_), 2)
+    step_forcing(DAT21_PAIR.constants, 0.1, 0.01, forcing)
+    _steps(DAT21_PAIR.constants, forcing, state, np.zeros((2, 8)), z[0], np.zeros(8, np.bool_), 2)
     yield state
     rng = np.random.Generator(np.random.SFC64(1))
-    yield [_scalar_normals(rng, 20), _skill_loop(PAIR.constants, rng, 3, np.ones((20, 2, 2)), 0.1)]
+    yield [
+        _scalar_normals(rng, 20),
+        _skill_loop(DAT21_PAIR.constants, rng, 3, np.ones((20, 2, 2)), 0.1),
+    ]
 
 
-STEP = {"euler-maruyama": 5e-3, "euler-maruyama-located": 5e-3, "exact-flight": math.pi / 64.0}
-UNIFORM = replace(LONE, tolerance=Tolerance(0.04, 0.0))
-NORMAL = replace(PAIR, tolerance=Tolerance(0.04, 0.02, distribution="normal", draw="contact"))
-ORDERS = replace(MEMORY, correlation_time=0.0)
+UNIFORM_TOLERANCE = replace(LONE, tolerance=Tolerance(0.04, 0.0))
+NORMAL_TOLERANCE = replace(
+    DAT21_PAIR, tolerance=Tolerance(0.04, 0.02, distribution="normal", draw="contact")
+)
+WHITE_ORDERS = replace(MEMORY, correlation_time=0.0)
 SAMPLED = {
     "exact-flight": ("without noise", "sticking", "driven", "body", "shaken"),
     "euler-maruyama-located": ("in flight", "body", "shaken"),
@@ -194,72 +192,79 @@ SAMPLED = {
 }
 """Scenes by the scheme that samples them."""
 
-CASES: dict[str, Callable] = {
+CASES = {
     "bench": bench,
     "sums": merged,
     "rare branches": rare_branches,
     "orbit, far": lambda: orbits(FAR),
     "published, undamped": lambda: predicted(UNDAMPED, "published", 6),
-    "published, driven": lambda: predicted(DRIVEN, "published", 6),
+    "published, driven": lambda: predicted(DRIVEN_STAGE, "published", 6),
     "corrected, one stage": lambda: predicted(LONE, "corrected", 6),
-    "corrected, driven": lambda: predicted(DRIVEN, "corrected", 6),
-    "corrected, sticking": lambda: predicted(STICKING, "corrected", 6),
+    "corrected, driven": lambda: predicted(DRIVEN_STAGE, "corrected", 6),
+    "corrected, sticking": lambda: predicted(STICKING_PAIR, "corrected", 6),
     "saltation, tolerances": lambda: predicted(
-        replace(PAIR, tolerance=Tolerance(0.01, 0.02)), "saltation", 6
+        replace(DAT21_PAIR, tolerance=Tolerance(0.01, 0.02)), "saltation", 6
     ),
-    "saltation, order 2": lambda: predicted(PAIR, "saltation", 3, 2),
-    "saltation, orders": lambda: predicted(ORDERS, "saltation", 4),
+    "saltation, order 2": lambda: predicted(DAT21_PAIR, "saltation", 3, 2),
+    "saltation, orders": lambda: predicted(WHITE_ORDERS, "saltation", 4),
     "saltation, orders and memory": lambda: predicted(MEMORY, "saltation", 4),
     "saltation, body": lambda: predicted(BODY, "saltation", 4),
     "branching, one stage": lambda: in_few_components(LONE),
     "branching, flanks drawn anew": lambda: in_few_components(
-        replace(PAIR, tolerance=Tolerance(0.04, 0.02, draw="contact"))
+        replace(DAT21_PAIR, tolerance=Tolerance(0.04, 0.02, draw="contact"))
     ),
     "exact-flight, uniform walls": lambda: simulated(
-        UNIFORM, "exact-flight", dt=STEP["exact-flight"]
+        UNIFORM_TOLERANCE, "exact-flight", dt=USEFUL_STEP["exact-flight"]
     ),
     "exact-flight, normal walls": lambda: simulated(
-        NORMAL, "exact-flight", dt=STEP["exact-flight"]
+        NORMAL_TOLERANCE, "exact-flight", dt=USEFUL_STEP["exact-flight"]
     ),
     "exact-flight, control": lambda: simulated(
-        replace(PAIR, sigma=0.02), "exact-flight", sampling=Sampling(control=True)
+        replace(DAT21_PAIR, sigma=0.02), "exact-flight", sampling=Sampling(control=True)
     ),
     "euler-maruyama, two-point": lambda: simulated(
-        PAIR, "euler-maruyama", dt=5e-3, sampling=Sampling(increments="two-point")
+        DAT21_PAIR, "euler-maruyama", dt=5e-3, sampling=Sampling(increments="two-point")
     ),
     "exact-flight, shaken where pressed": lambda: simulated(
-        PRESSED, "exact-flight", 1, 60, dt=STEP["exact-flight"], sampling=Sampling(horizon=6.0)
+        NOISY_STICKING,
+        "exact-flight",
+        1,
+        60,
+        dt=USEFUL_STEP["exact-flight"],
+        sampling=Sampling(horizon=6.0),
     ),
-    "long run, two stages": lambda: long_run_sums(PAIR),
+    "long run, two stages": lambda: long_run_sums(DAT21_PAIR),
     "long run, one stage": lambda: long_run_sums(LONE),
     "long run, body": lambda: long_run_sums(BODY),
     "long path, one stage": lambda: on_shared_noise(LONE),
-    "long path, without noise": lambda: on_shared_noise(SCENES["without noise"]),
+    "long path, without noise": lambda: on_shared_noise(ALL_KINDS["without noise"]),
 }
 """The fewest that reach every line that all scenes with all closures and schemes reach."""
 CASES |= {
-    f"orbit, {name}": lambda name=name: orbits(SCENES[name])
+    f"orbit, {name}": lambda name=name: orbits(ALL_KINDS[name])
     for name in ("driven", "sticking", "undamped", "in flight", "tree", "body")
 }
 
 
 def sampled(scheme, name):
     """A few paths, their states at fixed times and the bias of the step."""
-    dt = STEP[scheme]
+    dt = USEFUL_STEP[scheme]
     settings = {"times": [0.3 + 16 * dt, 0.3 + 64 * dt], "step_bias": SCHEMES[scheme].has_step_bias}
-    return simulated(SCENES[name], scheme, dt=dt, **settings)
+    return simulated(ALL_KINDS[name], scheme, dt=dt, **settings)
 
 
 for scheme, names in SAMPLED.items():
     CASES |= {f"{scheme}, {name}": lambda k=scheme, n=name: sampled(k, n) for name in names}
 for scheme in ("exact-flight", "euler-maruyama-located"):
     CASES[f"{scheme}, sticking paths"] = lambda k=scheme: simulated(
-        STICKING, k, 1, 200, dt=STEP[k], sampling=Sampling(horizon=20.0)
+        STICKING_PAIR, k, 1, 200, dt=USEFUL_STEP[k], sampling=Sampling(horizon=20.0)
     )
-    CASES[f"{scheme}, orders and memory"] = lambda k=scheme: simulated(MEMORY, k, dt=0.5 * STEP[k])
+    CASES[f"{scheme}, orders and memory"] = lambda k=scheme: simulated(
+        MEMORY, k, dt=0.5 * USEFUL_STEP[k]
+    )
 
 
-def parts(case: str) -> list[list[float]]:
+def parts(case):
     """The numbers of a case."""
     return [np.asarray(part, dtype=float).ravel().tolist() for part in CASES[case]()]
 

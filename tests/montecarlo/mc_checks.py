@@ -4,36 +4,19 @@ path's own noise."""
 from dataclasses import replace
 
 import numpy as np
-from scipy import stats
+from scenes import dat21
 
-from rattle.closure import follow
-from rattle.montecarlo import Ensemble, Record, simulate
+from rattle import Record, Scene, Start, Tolerance, follow, simulate
 from rattle.montecarlo.kernel.block import BLOCK
 from rattle.montecarlo.kernel.blocks import in_threads
 from rattle.montecarlo.long_run.walk import Walk
-from rattle.montecarlo.noise.philox import BRIDGE, STEP, Key, key_of, normals
-from rattle.scene import DAT21, Scene, Start, Tolerance
+from rattle.montecarlo.noise.philox import BRIDGE, STEP, key_of, normals
 from rattle.scene.compiled import jit
 
 __all__ = ["BLOCK", "Walk", "in_threads", "key_of"]  # of the package, for several tests
 
-FALSE_ALARM = 1e-3
-"""Chance that a whole family of z-scores of a correct program fails, before its seed was fixed."""
 
-
-def limit(checks: int) -> float:
-    """Largest |z| allowed among so many z-scores (Bonferroni)."""
-    return float(stats.norm.isf(0.5 * FALSE_ALARM / checks))
-
-
-def agrees(value, truth, se, slack=0.0) -> bool:
-    """Whether all values lie within the corrected limit of the truth, after a stated systematic
-    `slack`."""
-    value, truth, se, slack = np.broadcast_arrays(value, truth, se, slack)
-    return bool((np.abs(value - truth) <= limit(value.size) * se + slack).all())
-
-
-def stepped(scene: Scene, record: Record | None = None, **settings) -> Ensemble:
+def stepped(scene, record=None, **settings):
     """An ensemble of located Euler-Maruyama steps; their bias is measured where it is asked for
     only."""
     record = record or Record()
@@ -44,31 +27,30 @@ def stepped(scene: Scene, record: Record | None = None, **settings) -> Ensemble:
     )
 
 
-def dat21(sigma: float = 0.0, **settings) -> Scene:
-    """The paper's scene."""
-    return Scene.from_gears(DAT21, sigma=sigma, **settings)
+NOISY = dat21(0.1)
+"""With a rare branch at impact 3."""
 
 
-def open_space(sigma: float, **changes) -> Scene:
+def open_space(sigma, **changes):
     """DAT21 with walls so far off that nothing is met, from an arbitrary state in flight."""
     start = Start(0.3, 0.1, -0.4, -0.2, 0.5)
     return replace(dat21(sigma), **({"gap1": 1e6, "gap2": 1e6, "start": start} | changes))
 
 
-def step_normals(key: Key, path: int, steps: int) -> np.ndarray:
+def step_normals(key, path, steps):
     """Standard normals of a path's first finest steps under the Euler schemes, at least so many."""
     word = np.uint64
     return np.ravel([normals(key, word(path), word(n), word(STEP)) for n in range(steps // 4 + 1)])
 
 
-def bridge_normal(key: Key, path: int, step: int, call: int, level: int = 0) -> float:
+def bridge_normal(key, path, step, call, level=0):
     """The normal that splits an increment: of a call within the step that begins at finest step
     `step`."""
     index = np.uint64(step * 2**16 + call)
     return normals(key, np.uint64(path), index, np.uint64(BRIDGE + level))[0]
 
 
-def orbit_of(scene: Scene, impacts: int) -> np.ndarray:
+def orbit_of(scene, impacts):
     """Noise-free impacts: rows tau, x1, y1, x2, y2, mesh * side."""
     orbit = follow(scene, impacts)
     assert orbit.found == impacts

@@ -51,7 +51,7 @@ def test_standard_error_of_a_correlation_has_the_size_it_claims():
 
 
 SAMPLES = 2000
-PATHS = 256
+BURST_PATHS = 256
 
 
 def coverage(bursts):
@@ -60,14 +60,14 @@ def coverage(bursts):
     rng = np.random.default_rng(1)
     held = 0
     for _ in range(SAMPLES):
-        number = rng.poisson(bursts / PATHS, PATHS)
+        number = rng.poisson(bursts / BURST_PATHS, BURST_PATHS)
         parts = rng.gamma(np.maximum(number, 1)) * (number > 0)
         low, high = intervals.spread(parts).interval()
-        held += low <= bursts / PATHS <= high
+        held += low <= bursts / BURST_PATHS <= high
     return held / SAMPLES
 
 
-SLACK = 4.0 * math.sqrt(0.05 * 0.95 / SAMPLES)
+COVERAGE_SLACK = 4.0 * math.sqrt(0.05 * 0.95 / SAMPLES)
 """Four standard errors of a coverage of 95 %."""
 
 
@@ -75,7 +75,7 @@ SLACK = 4.0 * math.sqrt(0.05 * 0.95 / SAMPLES)
 def test_intervals_hold_the_truth_even_where_few_paths_carry_the_error(bursts):
     """At least as often as they say; up to 3 % more often where skewness cannot be told from
     chance."""
-    assert 0.95 - SLACK < coverage(bursts) < 0.98 + SLACK
+    assert 0.95 - COVERAGE_SLACK < coverage(bursts) < 0.98 + COVERAGE_SLACK
 
 
 def test_intervals_that_rest_on_all_paths_do_not(monkeypatch):

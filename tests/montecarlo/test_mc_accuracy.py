@@ -3,13 +3,11 @@ not given."""
 
 import numpy as np
 import pytest
-from mc_checks import dat21
+from refusals import refusal
+from scenes import SECTION, dat21
 
-from rattle import Sampling
-from rattle.montecarlo import SCHEMES, Record, simulate, simulate_to
-from rattle.scene import InputError, Scene, Tolerance, section_names
-
-SECTION = list(section_names(2))
+from rattle import Record, Sampling, Scene, Tolerance, simulate, simulate_to
+from rattle.montecarlo import SCHEMES
 
 
 @pytest.mark.parametrize(
@@ -95,7 +93,7 @@ def test_a_path_without_noise_is_compared_with_the_exact_orbit(scheme):
     ],
 )
 def test_bad_input_is_refused_by_name(settings, message):
-    with pytest.raises(InputError, match=message):
+    with refusal(message):
         simulate_to(dat21(0.1), **settings)
 
 

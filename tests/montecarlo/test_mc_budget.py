@@ -9,11 +9,12 @@ import logging
 import re
 
 import pytest
-from mc_checks import BLOCK, dat21, in_threads
+from mc_checks import BLOCK, in_threads
+from refusals import refusal
+from scenes import dat21
 
-from rattle import Sampling
-from rattle.montecarlo import AccuracyWarning, simulate, simulate_to
-from rattle.scene import InputError, Scene, Start
+from rattle import InputError, Sampling, Scene, Start, simulate, simulate_to
+from rattle.montecarlo import AccuracyWarning
 
 
 class Watched:
@@ -110,7 +111,7 @@ def test_what_takes_more_than_an_hour_is_refused_unless_a_budget_is_given(monkey
 
 def test_slow_paths_are_refused_before_a_pilot(monkeypatch):
     watched = Watched(monkeypatch, lambda paths: float(paths))
-    with pytest.raises(InputError, match=r"is expected to take .* limit is one hour: give the"):
+    with refusal(r"is expected to take .* limit is one hour: give the"):
         ask(watched, 0.1)
     assert watched.paths == [1, 1, 1, 8, 8, 256]
 

@@ -5,17 +5,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from mc_checks import dat21, orbit_of
+from mc_checks import orbit_of
+from scenes import PAPER_SIGMA, dat21
 
-from rattle.montecarlo import simulate
+from rattle import Scene, Wheel, simulate
 from rattle.montecarlo.coupling.paths import LongPath
 from rattle.montecarlo.noise.philox import Word
-from rattle.scene import Scene, Wheel
-
-PAPER = 1.5**0.5
 
 
-def first_impacts(sigma: float, paths: int, impacts: int) -> np.ndarray:
+def first_impacts(sigma, paths, impacts):
     """Time and rates at the first impacts of many paths, shape (paths, impacts, 3)."""
     walker = LongPath(dat21(sigma), 11, depth=12)
     begin = walker.at.copy()
@@ -38,18 +36,18 @@ def test_sections_of_long_paths_are_those_of_exact_flights_on_the_same_increment
     sqrt(5).
     """
     given = {"paths": 4000, "impacts": 4, "rng": 11, "dt": 2.0 * np.pi / 128.0}
-    found = first_impacts(PAPER, 4000, 4)
-    run = simulate(dat21(PAPER), scheme="exact-flight", **given).section
+    found = first_impacts(PAPER_SIGMA, 4000, 4)
+    run = simulate(dat21(PAPER_SIGMA), scheme="exact-flight", **given).section
     mean, sd = (run[[start + n for n in ("tau", "y1", "y2")]].to_numpy() for start in ("", "sd_"))
     assert np.abs((found.mean(axis=0) - mean) / sd).max() < 0.03
     assert np.abs(found.std(axis=0) / sd - 1.0)[0].max() < 0.027
-    wrong = first_impacts(1.05 * PAPER, 4000, 1)
+    wrong = first_impacts(1.05 * PAPER_SIGMA, 4000, 1)
     assert np.abs(wrong.std(axis=0) / sd[:1] - 1.0).max() > 0.027
 
 
 def test_a_path_is_the_same_however_it_is_cut():
-    whole, velocity = LongPath(dat21(PAPER), 3).stretch(4001)
-    parts = LongPath(dat21(PAPER), 3)
+    whole, velocity = LongPath(dat21(PAPER_SIGMA), 3).stretch(4001)
+    parts = LongPath(dat21(PAPER_SIGMA), 3)
     pieces = [parts.stretch(n) for n in (1, 1000, 333, 2667)]
     for i, name in enumerate(whole._fields):
         assert (np.concatenate([s[i] for s, _ in pieces]) == whole[i]).all(), name
@@ -61,16 +59,14 @@ ON_SHAFT = Wheel(beta=0.1, gamma=2.0, gap=0.3, parent=1, mass=0.2, epsilon=0.3)
 ON_DRIVER = Wheel(beta=0.1, gamma=5.0, gap=0.3, epsilon=0.5)
 
 
-def fast_impacts(tau: np.ndarray, before: np.ndarray, code: np.ndarray) -> np.ndarray:
+def fast_impacts(tau, before, code):
     """Times and codes of the impacts that are no chatter, shape (impacts, 2)."""
     mesh = np.abs(code).astype(int)
     fast = np.abs(before[np.arange(mesh.size), 2 * mesh - 1]) > 0.2
     return np.column_stack([tau[fast], code[fast]])
 
 
-def walk(
-    scene: Scene, steps: int, seed: int = 3, depth: int = 12
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def walk(scene, steps, seed=3, depth=12):
     """Times, states and codes at the impacts of so many steps: full stretches end early."""
     walker = LongPath(scene, seed, depth=depth)
     pieces = []

@@ -6,20 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from mc_checks import (
-    DAMPED,
-    UNEQUAL_GAPS,
-    dat21,
-    orbit_of,
-    stepped,
-)
-from settings import recorded
+from mc_checks import DAMPED, UNEQUAL_GAPS, orbit_of, stepped
+from scenes import dat21
+from settings import USEFUL_STEP, recorded
 
+from rattle import Start, Tolerance
 from rattle.montecarlo import SCHEMES
-from rattle.scene import Start, Tolerance
-
-STEP = {"euler-maruyama": 5e-3, "euler-maruyama-located": 5e-3, "exact-flight": math.pi / 64.0}
-"""A step at which each scheme is of use."""
 
 ORBITS = {
     "DAT21": dat21(),
@@ -38,7 +30,7 @@ class TestScheme:
         settings = {
             "paths": 200,
             "impacts": 8,
-            "dt": STEP[scheme],
+            "dt": USEFUL_STEP[scheme],
             "rng": 2,
             "raw": True,
         } | settings
@@ -78,8 +70,8 @@ class TestScheme:
     def test_no_path_runs_beyond_the_horizon_by_more_than_a_step(self, scheme):
         run = self.run(scheme, dat21(0.3), impacts=60, horizon=1.5)
         assert run.unfinished == 200
-        assert np.nanmax(run.raw[:, :, 0]) <= 1.5 + STEP[scheme]
-        steps = math.ceil(1.5 / STEP[scheme])
+        assert np.nanmax(run.raw[:, :, 0]) <= 1.5 + USEFUL_STEP[scheme]
+        steps = math.ceil(1.5 / USEFUL_STEP[scheme])
         assert run.path_steps == 200 * steps
 
     # --- walls

@@ -3,17 +3,16 @@ variance out."""
 
 import numpy as np
 import pytest
-from mc_checks import agrees, dat21
-from scenes import TREES
+from limits import agrees
+from scenes import FOUR, dat21
 
-from rattle import Sampling
-from rattle.montecarlo import simulate
+from rattle import Sampling, simulate
 from rattle.scene import section_names
 
-SCENES = {
+CONTROLLED = {
     "little noise": dat21(0.01),
     "much noise": dat21(1.2),
-    "tree": TREES["tree of 4"].with_sigma(0.03),
+    "tree": FOUR.with_sigma(0.03),
 }
 
 
@@ -25,10 +24,10 @@ def columns(scene, control, seed, paths=20_000):
     return (run.section[[start + name for name in names]].to_numpy() for start in ("", "se_"))
 
 
-@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize("name", CONTROLLED)
 def test_controlled_and_plain_estimates_agree_and_the_error_never_grows(name):
     """An error of an sd is divided by the sd, which is estimated anew."""
-    scene = SCENES[name]
+    scene = CONTROLLED[name]
     plain, se_plain = columns(scene, control=False, seed=1)
     _, se = columns(scene, control=True, seed=1)
     other, se_other = columns(scene, control=True, seed=2)

@@ -5,16 +5,13 @@ import re
 from dataclasses import replace
 
 import pytest
-from mc_checks import dat21, stepped
+from mc_checks import stepped
+from scenes import dat21
+from settings import EULER, EXACT, LOCATED
 
 import rattle
-from rattle import Sampling
+from rattle import Record, Sampling, simulate
 from rattle.closure import CLOSURES
-from rattle.montecarlo import Record, simulate
-
-LOCATED = "euler-maruyama-located"
-PLAIN = "euler-maruyama"
-EXACT = "exact-flight"
 
 
 def run(sigma=0.1, **settings):
@@ -69,12 +66,12 @@ def test_sticking_after_the_last_impact_is_no_fault_of_the_section():
     assert any("a mesh stayed closed" in said for said in timed.diagnostics)
 
 
-SCENE = rattle.Scene.from_gears(rattle.DAT21, sigma=0.1)
+DIAGNOSED = dat21(0.1)
 MADE = {
-    "Ensemble": lambda: rattle.simulate(SCENE, paths=64, impacts=2, scheme=PLAIN),
-    "Validation": lambda: rattle.validate(SCENE, paths=64, impacts=2),
-    "MeanMap": lambda: rattle.mean_map(SCENE, impacts=2, closure="branching", tolerance=0.1),
-    "Stationary": lambda: rattle.stationary(SCENE.with_sigma(0.5), periods=64, paths=16),
+    "Ensemble": lambda: rattle.simulate(DIAGNOSED, paths=64, impacts=2, scheme=EULER),
+    "Validation": lambda: rattle.validate(DIAGNOSED, paths=64, impacts=2),
+    "MeanMap": lambda: rattle.mean_map(DIAGNOSED, impacts=2, closure="branching", tolerance=0.1),
+    "Stationary": lambda: rattle.stationary(DIAGNOSED.with_sigma(0.5), periods=64, paths=16),
 }
 
 
@@ -108,5 +105,5 @@ def test_a_repr_computes_nothing(kind, monkeypatch):
 
 
 def test_a_repr_says_what_was_counted():
-    run = rattle.simulate(SCENE, paths=64, impacts=3, sampling=Sampling(horizon=0.6))
+    run = rattle.simulate(DIAGNOSED, paths=64, impacts=3, sampling=Sampling(horizon=0.6))
     assert any("did not finish before the time limit" in line for line in repr(run).splitlines())

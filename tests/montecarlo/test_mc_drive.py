@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from mc_checks import open_space
 from oracle import gearbox
-from scenes import ORDERS, TREES
+from scenes import ORDERS
 
-from rattle import DAT21, Record, Sampling, Scene, Start, Wheel, mean_map, simulate
+from rattle import Record, Sampling, Scene, simulate
 from rattle.montecarlo import SCHEMES
 from rattle.scene import state_names
 
@@ -40,47 +40,6 @@ def test_without_walls_the_covariance_is_that_of_the_linear_system(scheme, theta
     bias = 0.0 if scheme == "exact-flight" else 0.02 * np.abs(exact)  # of the Euler step
     assert (np.abs(sampled - exact) - bias < 5.0 * se).all()
     assert (np.abs(sampled - wrong) > 5.0 * se).any()
-
-
-SMALL_NOISE = {
-    "orders": Scene.from_gears(DAT21, drive=ORDERS),
-    "short memory": Scene.from_gears(DAT21, correlation_time=0.1),
-    "orders and memory": Scene.from_gears(DAT21, drive=ORDERS, correlation_time=1.0),
-    "long memory": Scene.from_gears(DAT21, correlation_time=10.0),
-    "tree": TREES["tree of 4"],
-    "a body's own memory": Scene(
-        alpha=1.2,
-        epsilon=0.8,
-        noise=1,
-        correlation_time=0.5,
-        wheels=[Wheel(beta=0.2, stiffness=2.0, one_sided=True)],
-        start=Start(0.3, -0.05, 0.5),
-    ),
-}
-
-
-@pytest.mark.parametrize("name", SMALL_NOISE)
-def test_saltation_is_the_limit_of_small_noise(name):
-    """At impacts and between them; another correlation time is noticed."""
-    scene = SMALL_NOISE[name].with_sigma(3e-3)
-    tau = mean_map(scene, impacts=4).section["tau"].to_numpy()
-    record = Record(times=0.5 * (tau[1:3] + tau[:2]))
-    run = simulate(scene, paths=20_000, impacts=4, rng=2, record=record)
-    sections = [f"{moment}{q}" for moment in ("", "sd_", "skew_") for q in ("tau", "flight", "y1")]
-    fixed = run.at_times()
-    places = fixed.columns.intersection(["cov_x1_x1", "cov_y1_y1", "cov_x2_y2", "cov_y2_y2"])
-    other = replace(scene, correlation_time=0.1 + 1.2 * scene.correlation_time)
-    for right, alike in ((scene, True), (other, False)):
-        m = mean_map(right, impacts=4)
-        at_impacts = scores(m.section, run.section, sections)
-        between = scores(m.at_times(fixed.index), fixed, places)
-        assert [(z < 5.0).all() for z in (at_impacts, between)] == [alike, alike]
-
-
-def scores(predicted, sampled, names):
-    """Differences in standard errors."""
-    se = sampled[[f"se_{name}" for name in names]].to_numpy()
-    return (predicted[names] - sampled[names]).abs().to_numpy() / se
 
 
 @pytest.mark.parametrize("noise", ["drive", 1])

@@ -5,13 +5,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from mc_checks import DAMPED, TOLERANT, UNEQUAL_GAPS, agrees, dat21
-from scenes import TREES
+from limits import agrees
+from mc_checks import DAMPED, TOLERANT, UNEQUAL_GAPS
+from scenes import FOUR, dat21
+from settings import STEP_BIAS
 
-from rattle.montecarlo import Record, simulate
-
-STEP_BIAS = Record(step_bias=True)
-
+from rattle import simulate
 
 LEVELS = {
     "DAT21": dat21(0.05),
@@ -33,11 +32,10 @@ def test_coarse_levels_of_one_noise_differ_by_no_bias(name):
         assert agrees(seen.bias, 0.0, seen.se_bias) == (scheme == "exact-flight")
 
 
-TREE = TREES["tree of 4"]
-first, second, *others = TREE.wheels
+first, second, *others = FOUR.wheels
 OF_PLAIN_STEPS = {
     "redrawn walls": (TOLERANT.with_sigma(0.2), {"epsilon": TOLERANT.epsilon - 0.03}),
-    "tree": (TREE, {"wheels": (first, replace(second, ratio=1.02 * second.ratio), *others)}),
+    "tree": (FOUR, {"wheels": (first, replace(second, ratio=1.02 * second.ratio), *others)}),
 }
 """A scene, and a planted error."""
 

@@ -4,17 +4,18 @@ import math
 from dataclasses import replace
 
 import pytest
-from mc_checks import dat21
 from mc_checks import stepped as simulate
-from settings import recorded
+from refusals import refusal
+from scenes import dat21
+from settings import LOCATED, recorded
 
-from rattle.montecarlo import Sampling, largest_step, simulate_rare, simulate_to
-from rattle.scene import InputError, Order, Scene, Start, Tolerance, Wheel
+from rattle import Order, Sampling, Scene, Start, Tolerance, Wheel, simulate_to
+from rattle.montecarlo import largest_step, simulate_rare
 
-ORDERS = dat21(0.1, drive=(Order(50),))
-MEMORY, SHORT = (dat21(0.1, correlation_time=theta) for theta in (1.0, 0.01))
+FAST_ORDER = dat21(0.1, drive=(Order(50),))
+LONG_MEMORY, SHORT = (dat21(0.1, correlation_time=theta) for theta in (1.0, 0.01))
 EIGHT = Scene(alpha=1.0, epsilon=0.5, wheels=[Wheel(beta=0.1, gamma=0.1)] * 8)
-BAD = {
+BAD_SETTINGS = {
     "no paths": ({"paths": 0}, "paths = 0: must be at least 1"),
     "no step": ({"dt": 0.0}, "dt = 0.0: must be greater than 0"),
     "a step in which nothing moves": (
@@ -58,7 +59,7 @@ BAD = {
     ),
     "an itinerary that is none": ({"itineraries": {"mine": 5}}, "itineraries"),
     "a control with a memory": (
-        {"scene": MEMORY, "control": True, "scheme": "exact-flight"},
+        {"scene": LONG_MEMORY, "control": True, "scheme": "exact-flight"},
         "for white noise only",
     ),
     "a step beyond the memory": (
@@ -66,7 +67,7 @@ BAD = {
         "at most 0.001: a longer step cannot follow the memory",
     ),
     "a step beyond the orders": (
-        {"scene": ORDERS, "dt": 0.01, "scheme": "exact-flight"},
+        {"scene": FAST_ORDER, "dt": 0.01, "scheme": "exact-flight"},
         "cannot follow the noise's modulation",
     ),
 }
@@ -78,49 +79,48 @@ def simulated(**settings):
     )
 
 
-@pytest.mark.parametrize("case", BAD)
+@pytest.mark.parametrize("case", BAD_SETTINGS)
 def test_bad_input_is_refused_before_any_block_runs(case, monkeypatch):
-    settings, words = BAD[case]
+    settings, words = BAD_SETTINGS[case]
     for name in ("kernel.blocks.run", "settings.sample"):
         monkeypatch.setattr(f"rattle.montecarlo.{name}", lambda *_: pytest.fail("work was done"))
-    with pytest.raises(InputError, match=words):
+    with refusal(words):
         simulated(**settings)
 
 
 NARROW = {"beta1": 20.0, "gap1": 1e-9}
-EULER = "euler-maruyama-located"
-LIMITS = [
-    ({"beta1": 20.0}, EULER, 0.05, "a longer step makes the damping unstable"),
-    ({}, EULER, math.pi / 10.0, "a longer step cannot follow the excitation"),
+STEP_LIMITS = [
+    ({"beta1": 20.0}, LOCATED, 0.05, "a longer step makes the damping unstable"),
+    ({}, LOCATED, math.pi / 10.0, "a longer step cannot follow the excitation"),
     ({"beta1": 20.0}, "exact-flight", 0.01, "a longer step cannot follow the damping"),
     (NARROW, "exact-flight", 1e-9, "a longer step holds too many impacts"),
 ]
 STEADY = Scene(alpha=0.0, epsilon=0.9, beta1=0.1, gamma1=0.0, stages=1, start=Start(0.0, 0.0, 1e-3))
 
 
-@pytest.mark.parametrize(("change", "scheme", "limit", "why"), LIMITS)
+@pytest.mark.parametrize(("change", "scheme", "limit", "why"), STEP_LIMITS)
 def test_step_is_limited_by_damping_excitation_and_the_impacts_that_it_may_hold(
     change, scheme, limit, why
 ):
     start = Start(0.0, 0.0, 2.0 if change is NARROW else 1e-3)
     scene = replace(STEADY, start=start, **change)
     assert largest_step(scene, scheme) == (pytest.approx(limit), why)
-    with pytest.raises(InputError, match=why.removeprefix("a longer step ")):
+    with refusal(why.removeprefix("a longer step ")):
         simulated(scene=scene, scheme=scheme, dt=1.02 * limit)
 
 
-RATE = math.hypot(1.0, dat21().beta1)  # of the drive
-CLOSE = Start(0.0, 0.1, 2.0, 0.5, 2.0, mesh=1)
+DRIVE_RATE = math.hypot(1.0, dat21().beta1)  # of the drive
+CLOSE_START = Start(0.0, 0.1, 2.0, 0.5, 2.0, mesh=1)
 
 
 @pytest.mark.parametrize(
     ("change", "limit"),
     [
-        ({"gap1": 0.1, "start": CLOSE}, 0.025),
-        ({"sigma": 35.0}, 0.25 * (0.5 / (35.0 * RATE)) ** (2.0 / 3.0)),
+        ({"gap1": 0.1, "start": CLOSE_START}, 0.025),
+        ({"sigma": 35.0}, 0.25 * (0.5 / (35.0 * DRIVE_RATE)) ** (2.0 / 3.0)),
         # dragged across the half gap the path is as fast as sqrt(4 gamma g)
         ({"gamma1": 50.0}, 0.25 / 10.0),
-        ({"alpha": 40.0}, 0.25 / math.sqrt(80.0 * RATE)),
+        ({"alpha": 40.0}, 0.25 / math.sqrt(80.0 * DRIVE_RATE)),
         ({"tolerance": Tolerance(0.1, 0.3)}, 0.25 * 0.2),
     ],
 )
@@ -133,14 +133,14 @@ def test_too_long_a_default_step_is_shortened_and_said_to_be():
     run = simulated(scene=scene, horizon=0.05)
     assert run.dt == largest_step(scene, "euler-maruyama-located")[0] < 2e-3
     assert run.diagnostics[0].startswith("dt = 0.000339 in place of the scheme's 0.002: ")
-    with pytest.raises(InputError, match=r"dt = 0.002: must be at most 0.000339: .* noise throw"):
+    with refusal(r"dt = 0.002: must be at most 0.000339: .* noise throw"):
         simulated(scene=scene, dt=2e-3)
 
 
 def test_run_that_could_not_end_is_refused_or_given_up_early():
     narrow = replace(STEADY, gap1=1e-8, start=Start(0.0, 1e-8, 1.0, mesh=1), beta1=0.0)
     said = r"horizon = 600.0: must be at most 5, 1e\+09 steps of 5e-09; .* h$"
-    with pytest.raises(InputError, match=said):
+    with refusal(said):
         simulated(scene=narrow, horizon=600.0, scheme="euler-maruyama", dt=5e-9)
     slow = replace(narrow, start=Start(0.0, 0.0, 1e-12))
     run = simulated(scene=slow, paths=1, dt=1e-6, scheme="euler-maruyama")
@@ -148,10 +148,10 @@ def test_run_that_could_not_end_is_refused_or_given_up_early():
 
 
 def test_rare_branches_are_of_white_noise():
-    with pytest.raises(InputError, match="with white noise only"):
-        simulate_rare(MEMORY, paths=10, impacts=2)
+    with refusal("with white noise only"):
+        simulate_rare(LONG_MEMORY, paths=10, impacts=2)
 
 
 def test_an_accuracy_chooses_how_paths_are_sampled():
-    with pytest.raises(InputError, match="give a Sampling with blocks alone"):
+    with refusal("give a Sampling with blocks alone"):
         simulate_to(dat21(0.1), 0.1, sampling=Sampling(control=True))

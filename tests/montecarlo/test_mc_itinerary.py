@@ -3,28 +3,28 @@
 import numpy as np
 import pandas as pd
 import pytest
+from mc_checks import NOISY
+from refusals import refusal
+from scenes import SECTION
+from settings import ON_ITINERARY
 
-from rattle import InputError, follow
-from rattle.montecarlo import Ensemble, Record, simulate
-from rattle.scene import DAT21, Scene, Start, section_names
+from rattle import Record, Scene, Start, follow, simulate
+from rattle.montecarlo import Ensemble
 
-SECTION = list(section_names(2))
-
-
-NOISY = Scene.from_gears(DAT21, sigma=0.1)
-IMPACTS = 4
-APART = Record(on_itinerary=True)
+IMPACTS_ON_ITINERARY = 4
 
 
 def test_moments_are_those_of_the_paths_that_follow_it():
     """An itinerary may end early; nothing else changes, and nothing is there that was not asked
     for."""
-    plain = simulate(NOISY, paths=4096, impacts=IMPACTS, rng=3, record=Record(raw=True))
+    plain = simulate(
+        NOISY, paths=4096, impacts=IMPACTS_ON_ITINERARY, rng=3, record=Record(raw=True)
+    )
     named = {"short": (-1, 1, 0, 0), "other": (-1, 1, -1, 1)}
     record = Record(on_itinerary=True, itineraries=named)
-    kept = simulate(NOISY, paths=4096, impacts=IMPACTS, rng=3, record=record)
+    kept = simulate(NOISY, paths=4096, impacts=IMPACTS_ON_ITINERARY, rng=3, record=record)
     assert kept.section.equals(plain.section)
-    orbit = follow(NOISY, IMPACTS)
+    orbit = follow(NOISY, IMPACTS_ON_ITINERARY)
     assert kept.plan.itineraries["noise-free"] == (*(orbit.mesh * orbit.side)[1:],)
     assert kept.section["agreement"].equals(kept.agreement["noise-free"].rename("agreement"))
     for name, itinerary in kept.plan.itineraries.items():
@@ -39,12 +39,14 @@ def test_moments_are_those_of_the_paths_that_follow_it():
             sds = found[["sd_" + q for q in SECTION]].to_list()
             assert sds == pytest.approx(rows.std(ddof=0), rel=1e-10, abs=1e-15, nan_ok=True)
     for ask in (Ensemble.on_itinerary, lambda run: run.leaving):
-        with pytest.raises(InputError, match="on_itinerary"):
+        with refusal("on_itinerary"):
             ask(plain)
 
 
 def test_without_noise_nothing_leaves_and_a_resting_orbit_has_no_follower():
-    assert simulate(NOISY.noise_free, paths=100, impacts=IMPACTS, record=APART).leaving.empty
+    assert simulate(
+        NOISY.noise_free, paths=100, impacts=IMPACTS_ON_ITINERARY, record=ON_ITINERARY
+    ).leaving.empty
     rest = Scene(
         alpha=0.05,
         epsilon=0.5,
@@ -54,7 +56,7 @@ def test_without_noise_nothing_leaves_and_a_resting_orbit_has_no_follower():
         sigma=0.3,
         start=Start(0.0, 0.0, 0.1, mesh=0),
     )
-    run = simulate(rest, paths=64, impacts=2, record=APART)
+    run = simulate(rest, paths=64, impacts=2, record=ON_ITINERARY)
     assert run.plan.itineraries["noise-free"] == (0, 0)
     assert run.on_itinerary().section["paths"].tolist() == [0, 0]
     assert run.leaving.empty

@@ -10,15 +10,16 @@ from itertools import count
 
 import numpy as np
 import pytest
-from mc_checks import DAMPED, bridge_normal, dat21, key_of, step_normals
+from mc_checks import DAMPED, bridge_normal, key_of, step_normals
 from oracle import gearbox
+from scenes import dat21
+from settings import LOCATED
 
-from rattle.montecarlo import Record, largest_step, simulate
-from rattle.scene import Scene, Start
+from rattle import Record, Scene, Start, simulate
+from rattle.montecarlo import largest_step
 
 FLIGHT = 1  # column of a row that the oracle does not have
-IMPACTS = 8
-LOCATED = "euler-maruyama-located"
+KERNEL_IMPACTS = 8
 SCHEMES = ("euler-maruyama", LOCATED)
 
 # tiny gaps, a light wheel thrown about by a heavy one, the longest step: several impacts in a step,
@@ -36,7 +37,7 @@ TIGHT = Scene(
     sigma=1.0,
     start=Start(0.3, 0.05, 2.0, 0.0, -2.0, mesh=1),
 )
-CASES = {
+KERNEL_CASES = {
     "DAT21": (dat21(0.5), 5e-3),
     "rough": (replace(DAMPED, sigma=0.8), 5e-3),
     "tight": (TIGHT, 0.99 * largest_step(TIGHT)[0]),
@@ -137,12 +138,12 @@ class Path:
 
 def follow_oracle(case, scheme, seed, number, fault=None, steps=4000):
     """An oracle path on the random numbers of a path of a run, until it has had its impacts."""
-    scene, dt = CASES[case]
+    scene, dt = KERNEL_CASES[case]
     key = key_of(np.random.SeedSequence(seed))
     path = Path(scene, dt, scheme == LOCATED, fault)
     for n, z in enumerate(step_normals(key, number, steps).tolist()):
         path.step(z, lambda leg, n=n: bridge_normal(key, number, n, leg))
-        if len(path.impacts) >= IMPACTS:
+        if len(path.impacts) >= KERNEL_IMPACTS:
             break
     return path
 
@@ -155,15 +156,15 @@ def furthest(case, scheme, paths, fault=None, seed=5):
     200 paths with located impacts), and by more in a path that all but grazes: of the worst tenth
     of the paths only meshes and sides count.  Infinite if one of these differs.
     """
-    scene, dt = CASES[case]
-    allowed = 1e-13 * 8.0 ** np.arange(1, IMPACTS + 1)
+    scene, dt = KERNEL_CASES[case]
+    allowed = 1e-13 * 8.0 ** np.arange(1, KERNEL_IMPACTS + 1)
     record = Record(raw=True)
-    given = {"paths": paths, "impacts": IMPACTS, "dt": dt, "scheme": scheme, "rng": seed}
+    given = {"paths": paths, "impacts": KERNEL_IMPACTS, "dt": dt, "scheme": scheme, "rng": seed}
     run = simulate(scene, record=record, **given)
     worst = []
     for number, raw in enumerate(np.delete(run.raw, FLIGHT, axis=2)):
         path = follow_oracle(case, scheme, seed, number, fault)
-        impacts = np.array(path.impacts[:IMPACTS])
+        impacts = np.array(path.impacts[:KERNEL_IMPACTS])
         if impacts.shape != raw.shape or (impacts[:, -1] != raw[:, -1]).any():
             return np.inf
         off = np.abs(impacts - raw).max(axis=1)
@@ -172,7 +173,7 @@ def furthest(case, scheme, paths, fault=None, seed=5):
 
 
 @pytest.mark.parametrize("scheme", SCHEMES)
-@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize("case", KERNEL_CASES)
 def test_kernel_follows_oracle(case, scheme):
     assert furthest(case, scheme, 10) < 1.0
 

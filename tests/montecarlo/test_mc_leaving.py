@@ -5,11 +5,10 @@ import math
 import pandas as pd
 import pytest
 from scipy.stats import binomtest
+from settings import ON_ITINERARY
 
-from rattle.montecarlo import Record, simulate
-from rattle.scene import Scene, Start
+from rattle import Scene, Start, simulate
 
-APART = Record(on_itinerary=True)
 CURVED = Scene(
     alpha=1.9867618005861334,
     epsilon=0.43033098901949723,
@@ -33,13 +32,13 @@ CURVED = Scene(
 """
 # 1692 of 12 million plain paths
 TRUTH = 1.410e-4
-ERROR = 0.034e-4
+TRUTH_ERROR = 0.034e-4
 
 
 def estimates(seeds):
     """The row of the exit, one for each seed."""
     runs = [
-        simulate(CURVED, paths=1024, impacts=4, rng=seed, record=APART).leaving
+        simulate(CURVED, paths=1024, impacts=4, rng=seed, record=ON_ITINERARY).leaving
         for seed in range(seeds)
     ]
     return pd.concat(runs).query("impact == 4 and mesh == 1 and side == 1")
@@ -51,7 +50,7 @@ def test_a_curved_branch_is_met_where_paths_leave():
     assert found["near"].all()
     mean = found["probability"].mean()
     scatter = found["probability"].std()
-    error = math.hypot(scatter / math.sqrt(8), ERROR)
+    error = math.hypot(scatter / math.sqrt(8), TRUTH_ERROR)
     assert abs(mean - TRUTH) < 4.0 * error
     assert abs(0.8 * mean - TRUTH) > 4.0 * error, "negative control: a fifth that is missed is seen"
     assert scatter < 0.2 * TRUTH

@@ -5,14 +5,14 @@ import math
 
 import numpy as np
 import pytest
-from mc_checks import limit
+from limits import limit
 
+from rattle import Scene
 from rattle.montecarlo.noise.brownian import Noise
 from rattle.montecarlo.noise.philox import key_of
 from rattle.montecarlo.schemes.exact_flight import advance_exactly
 from rattle.montecarlo.schemes.lanes import lanes_of
 from rattle.montecarlo.schemes.step_state import Inside, Progress
-from rattle.scene import Scene
 from rattle.scene.compiled import jit
 from rattle.scene.drive import sine_cosine
 

@@ -3,14 +3,14 @@ answer does not hide."""
 
 import numpy as np
 import pytest
+from mc_checks import NOISY
 
-from rattle import DAT21, Scene, simulate, simulate_to
+from rattle import simulate, simulate_to
 from rattle.montecarlo import AccuracyWarning
 from rattle.montecarlo.accuracy.cost import find_missed_rows, name_dearest_row
 from rattle.montecarlo.diagnostics.accuracy import FEWEST_PATHS, error_bound, units
 from rattle.montecarlo.looks import share_of_look
 
-NOISY = Scene.from_gears(DAT21, sigma=0.1)
 SHARE = share_of_look(1)
 
 

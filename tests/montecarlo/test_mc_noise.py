@@ -5,7 +5,9 @@ import math
 
 import numpy as np
 import pytest
-from mc_checks import agrees, dat21, for_python
+from limits import agrees
+from mc_checks import for_python
+from scenes import dat21
 
 from rattle import Sampling, simulate
 from rattle.montecarlo.noise import philox as module
@@ -42,7 +44,7 @@ EXTREME += [0x80000000, 0xFFFFFF00, FULL - 1, FULL]
 """Words whose bits carry over, end a range, or lie on either side of a border between the parts of
 a word."""
 
-CLOSE = 5e-10
+POLYNOMIAL_ERROR = 5e-10
 """What the polynomials leave of the exact functions, over one or the normal's size."""
 
 
@@ -71,8 +73,8 @@ def test_normals_of_extreme_and_common_words_are_those_of_the_c_library():
     common = np.random.default_rng(2).integers(0, 2**32, (2, 3000)).tolist()
     highs = highs + powers + common[0]
     lows = lows + [12345] * len(powers) + common[1]
-    assert furthest_pair(highs, lows) < CLOSE
-    assert furthest_pair(highs, lows, fault=1.0 + 1e-9) > CLOSE
+    assert furthest_pair(highs, lows) < POLYNOMIAL_ERROR
+    assert furthest_pair(highs, lows, fault=1.0 + 1e-9) > POLYNOMIAL_ERROR
 
 
 def test_section_moments_are_those_of_gaussian_increments():

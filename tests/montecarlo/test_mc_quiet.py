@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from mc_checks import Walk
 
+from rattle import Scene, Wheel
 from rattle.montecarlo.long_run.run import long_run
 from rattle.montecarlo.long_run.sums import ENERGY, NUMBER, new_sums, no_scales
 from rattle.montecarlo.schemes.quiet import quiet_of, tail_exponent
-from rattle.scene import Scene, Wheel
 from rattle.scene.drive import PERIOD
 
 CHATTER = Scene(
@@ -54,9 +54,17 @@ def test_what_is_left_out_is_stated(runs):
     assert part.quiet == 0.0125
 
 
-PRESSED = Wheel(beta=0.0, gamma=3.0, gap=0.5)
-CHAIN = (PRESSED, replace(PRESSED, parent=1, mass=0.7), replace(PRESSED, parent=2, mass=1.3))
-STAR = (PRESSED, replace(PRESSED, ratio=1.2, mass=0.7), replace(PRESSED, ratio=0.8, mass=1.3))
+PRESSED_WHEEL = Wheel(beta=0.0, gamma=3.0, gap=0.5)
+CHAIN = (
+    PRESSED_WHEEL,
+    replace(PRESSED_WHEEL, parent=1, mass=0.7),
+    replace(PRESSED_WHEEL, parent=2, mass=1.3),
+)
+STAR = (
+    PRESSED_WHEEL,
+    replace(PRESSED_WHEEL, ratio=1.2, mass=0.7),
+    replace(PRESSED_WHEEL, ratio=0.8, mass=1.3),
+)
 
 
 def lose(scene, moved, paths, periods):
@@ -86,14 +94,17 @@ def test_the_noise_that_closed_meshes_take_up_is_energy_lost(wheels, moved):
 def test_wheels_in_a_row_that_noise_lifts_lose_what_it_supplies():
     """Nearly elastic and pressed shut by hardly more than the noise: held closed while the force in
     mesh 1 exceeds the noise of one wheel alone, not of both, they lost 28 % less."""
-    pair = (replace(PRESSED, epsilon=0.9), replace(PRESSED, epsilon=0.9, parent=1, mass=1.5))
+    pair = (
+        replace(PRESSED_WHEEL, epsilon=0.9),
+        replace(PRESSED_WHEEL, epsilon=0.9, parent=1, mass=1.5),
+    )
     pressed = Scene(alpha=1.5, sigma=0.1, wheels=pair)
     _, lost, se = lose(pressed, 2.5, paths=8, periods=8)
     assert se < 0.03
     assert lost == pytest.approx(1.0, abs=4.0 * se)
 
 
-def count_impacts(*wheels: Wheel) -> float:
+def count_impacts(*wheels):
     """Impacts of some paths, every one of them followed."""
     scene = Scene(alpha=1.6, sigma=0.045, wheels=wheels)
     walk = Walk(scene, np.random.SeedSequence(1), 0, 4)

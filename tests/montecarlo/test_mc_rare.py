@@ -5,20 +5,21 @@ import math
 
 import numpy as np
 import pytest
-from mc_checks import in_threads, limit
+from limits import limit
+from mc_checks import NOISY, in_threads
+from scenes import dat21
+from settings import ON_ITINERARY
 
-from rattle.montecarlo import Record, simulate, simulate_rare, simulate_to
+from rattle import Tolerance, simulate, simulate_to
+from rattle.montecarlo import simulate_rare
 from rattle.montecarlo.branches.choose import FARTHEST_POINT, by_influence
 from rattle.montecarlo.branches.search import search_of
 from rattle.montecarlo.ensemble.simulate_rare import begin_rare
-from rattle.scene import DAT21, Scene, Tolerance
 
-NOISY = Scene.from_gears(DAT21, sigma=0.1)
-IMPACTS = 4
-PATHS = 32 * 1024
-APART = Record(on_itinerary=True)
+RARE_IMPACTS = 4
+RARE_PATHS = 32 * 1024
 CHECKED = [
-    (k, p + q) for k in range(1, IMPACTS + 1) for q in ("tau", "y1", "y2") for p in ("", "sd_")
+    (k, p + q) for k in range(1, RARE_IMPACTS + 1) for q in ("tau", "y1", "y2") for p in ("", "sd_")
 ]
 
 
@@ -33,13 +34,13 @@ def largest_z(one, other):
 
 @pytest.fixture(scope="module")
 def rare():
-    chosen_by = simulate(NOISY, paths=PATHS, impacts=IMPACTS, rng=11, record=APART)
-    return begin_rare(chosen_by, PATHS, in_threads(1))
+    chosen_by = simulate(NOISY, paths=RARE_PATHS, impacts=RARE_IMPACTS, rng=11, record=ON_ITINERARY)
+    return begin_rare(chosen_by, RARE_PATHS, in_threads(1))
 
 
 @pytest.fixture(scope="module")
 def plain():
-    return simulate(NOISY, paths=8 * PATHS, impacts=IMPACTS, rng=12, record=APART)
+    return simulate(NOISY, paths=8 * RARE_PATHS, impacts=RARE_IMPACTS, rng=12, record=ON_ITINERARY)
 
 
 def test_moments_are_those_of_plain_paths(rare, plain):
@@ -59,31 +60,31 @@ def test_the_row_of_the_rare_branch_is_known_far_better(rare, plain):
 
 
 def test_the_same_bits_for_any_number_of_workers_and_any_cut(rare):
-    again = simulate_rare(NOISY, paths=PATHS, impacts=IMPACTS, rng=11, workers=3)
+    again = simulate_rare(NOISY, paths=RARE_PATHS, impacts=RARE_IMPACTS, rng=11, workers=3)
     assert again.section.equals(rare.section)
 
 
 def test_random_gaps():
     tolerance = Tolerance(3e-4, 3e-4, "uniform")
-    scene = Scene.from_gears(DAT21, sigma=0.1, tolerance=tolerance)
-    one = simulate_rare(scene, paths=PATHS, impacts=IMPACTS, rng=1)
-    other = simulate(scene, paths=4 * PATHS, impacts=IMPACTS, rng=2)
+    scene = dat21(0.1, tolerance=tolerance)
+    one = simulate_rare(scene, paths=RARE_PATHS, impacts=RARE_IMPACTS, rng=1)
+    other = simulate(scene, paths=4 * RARE_PATHS, impacts=RARE_IMPACTS, rng=2)
     assert one.plan.mixture is not None
     assert largest_z(one.section, other.section) < limit(len(CHECKED))
 
 
 def test_where_no_branch_matters_paths_are_plain():
-    scene = Scene.from_gears(DAT21, sigma=0.01)
-    one = simulate_rare(scene, paths=PATHS, impacts=2, rng=5)
+    scene = dat21(0.01)
+    one = simulate_rare(scene, paths=RARE_PATHS, impacts=2, rng=5)
     assert one.plan.mixture is None
-    other = simulate(scene, paths=PATHS, impacts=2, rng=5)
+    other = simulate(scene, paths=RARE_PATHS, impacts=2, rng=5)
     assert one.section.equals(other.section)
 
 
 def test_a_point_that_no_path_reaches_is_not_aimed_at():
     """Where first order fails a design point may be hundreds of sds away: paths cannot be drawn."""
-    search = search_of(NOISY, IMPACTS, 200, 0.03).until(1e-9)
-    sd = np.full((IMPACTS, 6), 1e-3)
+    search = search_of(NOISY, RARE_IMPACTS, 200, 0.03).until(1e-9)
+    sd = np.full((RARE_IMPACTS, 6), 1e-3)
     near = by_influence(search.branches, sd)
     assert near
     for distance in (1.01 * FARTHEST_POINT, 1e200):
@@ -92,7 +93,7 @@ def test_a_point_that_no_path_reaches_is_not_aimed_at():
 
 
 def test_an_accuracy_that_waits_for_a_branch_samples_it():
-    run = simulate_to(NOISY, 0.015, impacts=IMPACTS, rng=4)
+    run = simulate_to(NOISY, 0.015, impacts=RARE_IMPACTS, rng=4)
     assert run.plan.mixture is not None
     assert run.reach.reached
     assert run.paths < 2_000_000  # plain paths: eighteen million

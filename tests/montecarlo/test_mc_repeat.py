@@ -4,19 +4,27 @@ runs beside it."""
 import numpy as np
 import pandas as pd
 import pytest
-from mc_checks import BLOCK, TOLERANT, dat21
+from mc_checks import BLOCK, TOLERANT
+from scenes import dat21
 from settings import recorded
 
-from rattle.montecarlo import SCHEMES, simulate
+from rattle import simulate
+from rattle.montecarlo import SCHEMES
 
-STEP = {"euler-maruyama": 1e-2, "euler-maruyama-located": 1e-2, "exact-flight": 0.05}
-PATHS = BLOCK + 117
+COARSE_STEP = {"euler-maruyama": 1e-2, "euler-maruyama-located": 1e-2, "exact-flight": 0.05}
+MORE_THAN_A_BLOCK = BLOCK + 117
 REDRAWN = TOLERANT.with_sigma(0.2)
-MEMORY = dat21(0.5, correlation_time=0.5)
+WITH_MEMORY = dat21(0.5, correlation_time=0.5)
 
 
 def run_with(scheme="euler-maruyama-located", scene=None, **changes):
-    settings = {"paths": PATHS, "impacts": 4, "dt": STEP[scheme], "rng": 3, "raw": True} | changes
+    settings = {
+        "paths": MORE_THAN_A_BLOCK,
+        "impacts": 4,
+        "dt": COARSE_STEP[scheme],
+        "rng": 3,
+        "raw": True,
+    } | changes
     return simulate(scene or dat21(0.3), scheme=scheme, **recorded(settings))
 
 
@@ -33,7 +41,7 @@ def test_result_is_the_same_bit_for_bit_for_any_number_of_workers(scheme):
 
 
 @pytest.mark.parametrize("scheme", SCHEMES)
-@pytest.mark.parametrize("scene", [MEMORY, REDRAWN], ids=["memory", "redrawn walls"])
+@pytest.mark.parametrize("scene", [WITH_MEMORY, REDRAWN], ids=["memory", "redrawn walls"])
 def test_paths_are_the_same_bit_for_bit_for_any_size_of_a_block(scheme, scene, monkeypatch):
     """Other neighbours, other lanes, other times at which lanes change hands; merged sums differ by
     rounding alone."""
@@ -48,8 +56,8 @@ def test_paths_are_the_same_bit_for_bit_for_any_size_of_a_block(scheme, scene, m
             pd.testing.assert_frame_equal(a, b, rtol=1e-9, atol=1e-9)
 
 
-CHANGES = {
-    "more paths": {"paths": 2 * PATHS},
+BESIDE = {
+    "more paths": {"paths": 2 * MORE_THAN_A_BLOCK},
     "fewer paths": {"paths": 7},
     "itineraries": {"itineraries": {"mine": [1, -1, 1, -1]}},
     "horizon": {"horizon": 77.7},
@@ -62,7 +70,7 @@ CHANGES = {
 @pytest.mark.parametrize("scheme", SCHEMES)
 def test_paths_are_the_same_bit_for_bit_whatever_runs_beside_them(scheme):
     plain = run_with(scheme).raw
-    for change, settings in CHANGES.items():
+    for change, settings in BESIDE.items():
         other = run_with(scheme, **settings).raw
         common = min(len(plain), len(other))
         assert np.array_equal(plain[:common], other[:common, :4]), change
@@ -73,4 +81,4 @@ def test_a_spawned_seed_is_another_and_is_not_used_up():
     seed = np.random.SeedSequence(3)
     runs = [run_with(rng=rng, impacts=1).raw[:, 0, 0] for rng in (seed, 4, seed.spawn(1)[0])]
     assert np.array_equal(runs[0], run_with(rng=3, impacts=1).raw[:, 0, 0])
-    assert np.unique(runs).size == 3 * PATHS
+    assert np.unique(runs).size == 3 * MORE_THAN_A_BLOCK

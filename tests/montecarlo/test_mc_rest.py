@@ -7,12 +7,11 @@ import numpy as np
 import pytest
 from scenes import STICKING
 
-from rattle import Sampling, stationary
-from rattle.closure import follow
-from rattle.montecarlo import Record, simulate
-from rattle.scene import Scene
+from rattle import Record, Sampling, Scene, follow, simulate, stationary
 
-SCENES = STICKING | {"plastic": Scene(alpha=1.0, epsilon=0.0, beta1=0.1, gamma1=0.3, stages=1)}
+STICKING_SCENES = STICKING | {
+    "plastic": Scene(alpha=1.0, epsilon=0.0, beta1=0.1, gamma1=0.3, stages=1)
+}
 
 
 def distances(scene, scheme, dt, other=None):
@@ -32,12 +31,12 @@ def distances(scene, scheme, dt, other=None):
 
 
 @pytest.mark.parametrize("scheme", ["exact-flight", "euler-maruyama-located", "euler-maruyama"])
-@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize("name", STICKING_SCENES)
 def test_sticking_costs_no_more_than_the_way_of_a_step(name, scheme):
     """The rule is late by less than a step.  What comes of that later, through ten or so impacts,
     is of its order."""
-    coarse, speed, _ = distances(SCENES[name], scheme, 0.02)
-    fine, _, _ = distances(SCENES[name], scheme, 0.0023)
+    coarse, speed, _ = distances(STICKING_SCENES[name], scheme, 0.02)
+    fine, _, _ = distances(STICKING_SCENES[name], scheme, 0.0023)
     assert np.median(coarse) <= 0.02 * speed
     assert fine.max() <= 10.0 * 0.0023 * speed
     assert np.median(fine) <= 0.0023 * speed
@@ -45,11 +44,11 @@ def test_sticking_costs_no_more_than_the_way_of_a_step(name, scheme):
         assert fine.mean() < 0.5 * coarse.mean()
 
 
-@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize("name", STICKING_SCENES)
 def test_exact_flights_are_right_to_second_order_through_sticking(name):
     """But where both meshes meet: there the impact of the other stage waits for the end of the
     step.  A mesh that opens 1 % later is noticed."""
-    scene = SCENES[name]
+    scene = STICKING_SCENES[name]
     far, _, run = distances(scene, "exact-flight", 0.005)
     assert run.sticking_steps > 10
     assert np.median(far) < 1e-5

@@ -5,19 +5,18 @@ What holds for every scheme is in the contract.
 
 import numpy as np
 import pytest
-from mc_checks import FALSE_ALARM
+from limits import FALSE_ALARM
 from mc_checks import stepped as simulate
 from scipy import stats
 
-from rattle.montecarlo import Record
-from rattle.scene import Scene, Start, Tolerance
+from rattle import Record, Scene, Start, Tolerance
 
 GAP = 0.5
 C1 = 0.04
 C2 = 0.02
-PATHS = 4000
-UNIFORM = stats.uniform(-1.0, 2.0)
-NORMAL = stats.truncnorm(-2.0, 2.0, scale=0.5)
+BOUNCING_PATHS = 4000
+UNIFORM_WALLS = stats.uniform(-1.0, 2.0)
+NORMAL_WALLS = stats.truncnorm(-2.0, 2.0, scale=0.5)
 
 
 def free(distribution, draw, mesh=1, times=(), **settings):
@@ -31,7 +30,7 @@ def free(distribution, draw, mesh=1, times=(), **settings):
     gaps = {"gap1": GAP, "gap2": GAP, f"gap{3 - mesh}": 1e3}
     tolerance = Tolerance(C1, C2, distribution=distribution, draw=draw)
     scene = Scene(**lossless, **gaps, start=starts[mesh], tolerance=tolerance)
-    given = {"paths": PATHS, "impacts": 4, "dt": 0.01, "rng": 2} | settings
+    given = {"paths": BOUNCING_PATHS, "impacts": 4, "dt": 0.01, "rng": 2} | settings
     return simulate(scene, record=Record(raw=True, times=times), **given)
 
 
@@ -39,11 +38,14 @@ def fits(values, distribution):
     return stats.kstest(values, distribution.cdf).pvalue > FALSE_ALARM / 4
 
 
-CASES = [("uniform", "path", 2, UNIFORM, NORMAL), ("normal", "contact", 1, NORMAL, UNIFORM)]
+WALL_CASES = [
+    ("uniform", "path", 2, UNIFORM_WALLS, NORMAL_WALLS),
+    ("normal", "contact", 1, NORMAL_WALLS, UNIFORM_WALLS),
+]
 
 
 @pytest.mark.parametrize("scheme", ["euler-maruyama-located", "exact-flight"])
-@pytest.mark.parametrize(("name", "draw", "mesh", "right", "wrong"), CASES)
+@pytest.mark.parametrize(("name", "draw", "mesh", "right", "wrong"), WALL_CASES)
 def test_walls_have_the_distribution_asked_for(name, draw, mesh, right, wrong, scheme):
     raw = free(name, draw, mesh, scheme=scheme).raw
     assert (raw[:, :, 6] == mesh * np.array([-1, 1, -1, 1])).all()
@@ -63,9 +65,9 @@ def test_a_start_on_a_flank_is_on_the_paths_own_wall(draw):
     if draw == "path":
         assert np.abs(own - far).max() < 1e-12
     else:
-        assert fits(own / C1, UNIFORM)
+        assert fits(own / C1, UNIFORM_WALLS)
         correlation = abs(np.corrcoef(own, far)[0, 1])
-        assert correlation * np.sqrt(PATHS) < stats.norm.isf(0.5 * FALSE_ALARM)
+        assert correlation * np.sqrt(BOUNCING_PATHS) < stats.norm.isf(0.5 * FALSE_ALARM)
 
 
 @pytest.mark.parametrize("impacts", [1, 40])
@@ -78,4 +80,4 @@ def test_walls_of_successive_contacts_add_up_as_independent(impacts):
     """
     run = free("uniform", "contact", impacts=impacts, times=[20.5 * GAP])
     sd = np.sqrt(run.at_times().cov_x1_x1.iloc[0] / (C1**2 / 3.0 * (1.0 + 4.0 * 20.0)))
-    assert abs(sd - 1.0) < 4.0 / np.sqrt(2.0 * PATHS)
+    assert abs(sd - 1.0) < 4.0 / np.sqrt(2.0 * BOUNCING_PATHS)

@@ -3,21 +3,20 @@
 import numpy as np
 import pytest
 from random_gears import PAIR_B
-from scenes import tree
+from scenes import dat21, tree
 
-from rattle import Closure, mean_map, validate
+from rattle import Closure, Scene, mean_map, validate
 from rattle.montecarlo.branches import search as branches
 from rattle.montecarlo.branches.search import BranchSearch
-from rattle.scene import DAT21, Scene
 
-SD = 0.01528
+TRUE_SD = 0.01528
 """Of y2 at impact 2 of `PAIR_B`, from 8 million exact flights (63 paths on the branch)."""
 
 
 @pytest.mark.parametrize(("factor", "verdict"), [(1.0, "accurate"), (0.81, "inaccurate")])
 def test_an_sd_is_judged_with_the_rare_branch_that_carries_a_third_of_its_variance(factor, verdict):
     """Negative control: the sd of all other paths."""
-    closure = Closure("mine", lambda scene, impacts: {"sd_y2": [np.nan, factor * SD]})
+    closure = Closure("mine", lambda scene, impacts: {"sd_y2": [np.nan, factor * TRUE_SD]})
     given = {"paths": 32_768, "impacts": 2, "scheme": "exact-flight", "rng": 0}
     table = validate(PAIR_B, closures=(closure,), **given).table
     section = table.query("kind == 'section' and impact == 2")
@@ -28,7 +27,7 @@ def test_an_sd_is_judged_with_the_rare_branch_that_carries_a_third_of_its_varian
 def test_a_branch_whose_window_lies_between_the_points_of_the_grid_is_found():
     """Below sigma = 0.07 it was lost, from one noise intensity to the next."""
     sigmas = (0.055, 0.06, 0.065, 0.07)
-    found = [BranchSearch(Scene.from_gears(DAT21, sigma=s), 1).until(1.0).branches for s in sigmas]
+    found = [BranchSearch(dat21(s), 1).until(1.0).branches for s in sigmas]
     assert [(b.mesh, b.side) for (b,) in found] == [(2, -1)] * 4
     np.testing.assert_allclose(
         [b.beta * s for (b,), s in zip(found, sigmas, strict=True)], 0.328, rtol=5e-3
@@ -37,7 +36,7 @@ def test_a_branch_whose_window_lies_between_the_points_of_the_grid_is_found():
 
 @pytest.mark.parametrize(
     "scene",
-    [Scene.from_gears(DAT21, sigma=1e-6), tree((0, 0, 1, 1), sigma=1e-6)],
+    [dat21(1e-6), tree((0, 0, 1, 1), sigma=1e-6)],
     ids=["two wheels", "a tree of four"],
 )
 def test_states_respond_to_the_noise_of_steps_as_their_covariance_says(scene):
@@ -67,7 +66,7 @@ def test_the_search_is_bounded_whatever_the_number_of_impacts(monkeypatch):
     flights = []
     one = branches.events
     monkeypatch.setattr(branches, "events", lambda flight: flights.append(flight) or one(flight))
-    scene = Scene.from_gears(DAT21, sigma=1.2).phase_reduced
+    scene = dat21(1.2).phase_reduced
     search = BranchSearch(scene, 400)
     for k in (4, 8, 12, 16, 19):
         found = search.until(2.0**-k)

@@ -3,16 +3,16 @@ here, where it can."""
 
 import json
 import platform
-from pathlib import Path
 
 import llvmlite.binding
 import pytest
+from places import ROOT
 from programs import python
 
 pytestmark = pytest.mark.slow
 
 CASE = "euler-maruyama, driven"
-CASES = Path(__file__).parents[1] / "interpreted" / "cases.py"
+CASES_FILE = ROOT / "tests" / "interpreted" / "cases.py"
 NEEDED = ("avx2", "fma", "bmi", "bmi2", "lzcnt", "popcnt", "f16c", "movbe")
 NEWER = ("avx512f", "avx512bw", "avx512cd", "avx512dq", "avx512vl")
 AS_ON_HASWELL = {
@@ -27,7 +27,7 @@ AS_ON_HASWELL = {
 
 def numbers(**environment):
     """The numbers of a case of the tests of interpreted code, as another process makes them."""
-    return json.loads(python(CASES, CASE, **environment).stdout)
+    return json.loads(python(CASES_FILE, CASE, **environment).stdout)
 
 
 def test_code_for_another_processor_gives_the_same_bits(tmp_path):

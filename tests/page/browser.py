@@ -19,7 +19,7 @@ OPTIONS = (
 class Browser:
     """One running browser with one page; messages are JSON, ended by a zero byte."""
 
-    def __init__(self, home: Path):
+    def __init__(self, home):
         command_in, self._out = os.pipe()
         self._in, answer_out = os.pipe()
         # Chromium reads from descriptor 3 and writes to 4; those of the pipes are first put out of

@@ -15,9 +15,9 @@ from pathlib import Path
 import pytest
 import source_tree
 from commands import commands
+from places import BUILT, ROOT
 from programs import python
 
-ROOT = Path(__file__).resolve().parent.parent.parent
 DOCS = ROOT / "docs"
 SHOWN = ("start", "results/dat21", "guide/notebooks")
 LESS = {
@@ -30,7 +30,6 @@ LESS = {
 """What cells compute on the pages, and how much less of it here."""
 
 
-BUILT = {"_build", "generated", "auto_gallery"}
 SOURCES = [page for page in sorted(DOCS.rglob("*.md")) if not BUILT & set(page.parts)]
 
 

@@ -1,13 +1,13 @@
 """The animation in a real browser: loading, layout, one flash for each impact, bodies on their
 walls, controls, reduced motion."""
 
-from pathlib import Path
-
 import pytest
+from places import EXAMPLES
+from scenes import dat21
 
-from rattle import DAT21, Scene, animate
+from rattle import Scene, animate
 
-SHOWN = (
+FLASHES = (
     "paths.map(p => p.flashes.map(f => f.style.visibility === 'visible' ? Number(f.dataset.impact)"
     " : 0))"
 )
@@ -23,7 +23,7 @@ OVERLAPS = """(() => {
 
 @pytest.fixture(scope="module")
 def drawn():
-    scene = Scene.from_gears(DAT21, sigma=0.1)
+    scene = dat21(0.1)
     return animate(scene, impacts=8, rng=1, name="<b>DAT21</b>" + "long" * 60)
 
 
@@ -58,9 +58,9 @@ def test_each_impact_flashes_at_its_mesh(browser, page, shown):
     browser.run("set(false)")
     for i, motion in enumerate((shown.orbit, shown.path)):
         for k, mesh in enumerate(abs(motion.code)):
-            assert browser.run(f"go(paths[{i}].hits[{k}]), {SHOWN}")[i][mesh - 1] == k + 1
-    assert browser.run(f"go(0), {SHOWN}") == [[0, 0], [0, 0]]
-    assert browser.run(f"go(paths[0].hits[0] - 1e-6), {SHOWN}")[0] == [0, 0]
+            assert browser.run(f"go(paths[{i}].hits[{k}]), {FLASHES}")[i][mesh - 1] == k + 1
+    assert browser.run(f"go(0), {FLASHES}") == [[0, 0], [0, 0]]
+    assert browser.run(f"go(paths[0].hits[0] - 1e-6), {FLASHES}")[0] == [0, 0]
 
 
 CLEAR = """(i => {
@@ -78,7 +78,7 @@ CLEAR = """(i => {
 
 @pytest.mark.parametrize("name", ["ball", "oscillator", "impact-pair"])
 def test_a_body_is_on_its_wall_at_an_impact_and_never_beyond(browser, name, tmp_path):
-    scene = Scene.load(Path(__file__).parents[2] / "examples" / f"{name}.toml")
+    scene = Scene.load(EXAMPLES / f"{name}.toml")
     drawn = animate(scene, impacts=6, rng=1)
     browser.open(drawn.save(tmp_path / "bodies.html"), 390)
     assert browser.complaints() == []
@@ -89,7 +89,7 @@ def test_a_body_is_on_its_wall_at_an_impact_and_never_beyond(browser, name, tmp_
         for k, code in enumerate(motion.code):
             clear = browser.run(f"go(paths[{i}].hits[{k}]), {CLEAR}({i})")
             assert clear[0 if code > 0 else 1] == pytest.approx(0.0, abs=0.02)
-            assert browser.run(f"go(paths[{i}].hits[{k}]), {SHOWN}")[i] == [k + 1]
+            assert browser.run(f"go(paths[{i}].hits[{k}]), {FLASHES}")[i] == [k + 1]
         all_along = f"[...Array(500).keys()].flatMap(k => (go(k / 500 * data.span), {CLEAR}({i})))"
         assert min(browser.run(all_along)) > -0.02
         assert max(browser.run(all_along)) > 50.0

@@ -2,7 +2,6 @@
 styles."""
 
 import pytest
-from commands import rattle
 from sample_page import NASTY, RECORD, Report, Table, figures, sample, write_page
 
 COLUMN = (
@@ -10,8 +9,8 @@ COLUMN = (
     " row.cells[{}].textContent)"
 )
 SPEED = "document.querySelectorAll('section table')[0].tHead.rows[0].cells[1]"
-NAMES = ["saltation", "published", "corrected", "branching", "other", "a plain text"]
-NAMES += [f"row {i}" for i in range(6)]
+ROW_NAMES = ["saltation", "published", "corrected", "branching", "other", "a plain text"]
+ROW_NAMES += [f"row {i}" for i in range(6)]
 
 
 @pytest.fixture(scope="module")
@@ -29,12 +28,9 @@ def nasty(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def report(tmp_path_factory):
+def report(validated):
     """A report of the command itself."""
-    out = tmp_path_factory.mktemp("report") / "r"
-    words = "--sigma 0.1 --paths 600 --impacts 3 --dt 0.01 --over sigma=0.01:1:2"
-    rattle(f"validate {words} --validity-paths 600 --out {out}")
-    return out / "report.html"
+    return validated / "report.html"
 
 
 @pytest.mark.parametrize("width", [1280, 390])
@@ -66,11 +62,11 @@ def test_injected_content_has_no_effect(browser, page, tmp_path):
 
 def test_sorts_numbers_as_numbers_and_back(browser, page):
     browser.open(page)
-    rows = NAMES[6:]
+    rows = ROW_NAMES[6:]
     up = ["a plain text", "other", "published", *rows, "saltation", "branching", "corrected"]
     down = ["branching", "saltation", "published", *rows, "other", "a plain text", "corrected"]
     click = f"{SPEED}.querySelector('button').click(); {SPEED}.getAttribute('aria-sort')"
-    for sense, names in (("ascending", up), ("descending", down), (None, NAMES)):
+    for sense, names in (("ascending", up), ("descending", down), (None, ROW_NAMES)):
         assert browser.run(click) == sense
         assert browser.run(COLUMN.format(0)) == names
 
@@ -79,7 +75,7 @@ def test_sorts_words_from_the_keyboard(browser, page):
     browser.open(page)
     browser.run("document.querySelector('section table th button').focus()")
     browser.press("Enter", 13)
-    assert browser.run(COLUMN.format(0)) == sorted(NAMES)
+    assert browser.run(COLUMN.format(0)) == sorted(ROW_NAMES)
     assert browser.run("document.querySelectorAll('[aria-sort]').length") == 1
 
 

@@ -10,9 +10,9 @@ import pytest
 from rattle.closure.exponentials import exponentials
 from rattle.scene.compiled import emulate_fma, fma, jit, widest_vectors
 
-MOST = 1.7976931348623157e308
-LEAST = 5e-324
-NORMAL = 2.2250738585072014e-308
+LARGEST_DOUBLE = 1.7976931348623157e308
+LEAST_DOUBLE = 5e-324
+LEAST_NORMAL = 2.2250738585072014e-308
 
 
 @jit
@@ -52,14 +52,14 @@ def test_it_rounds_once():
 @pytest.mark.parametrize(
     ("a", "b", "c"),
     [
-        (MOST, 2.0, -MOST),
-        (MOST, 1.5, 0.0),
+        (LARGEST_DOUBLE, 2.0, -LARGEST_DOUBLE),
+        (LARGEST_DOUBLE, 1.5, 0.0),
         (1e160, 1e160, -1e300),
         (1e-200, 1e-200, 1.0),
-        (1e-170, 1e-150, LEAST),
-        (NORMAL, 0.5, LEAST),
-        (LEAST, 0.5, 0.0),
-        (LEAST, 0.75, LEAST),
+        (1e-170, 1e-150, LEAST_DOUBLE),
+        (LEAST_NORMAL, 0.5, LEAST_DOUBLE),
+        (LEAST_DOUBLE, 0.5, 0.0),
+        (LEAST_DOUBLE, 0.75, LEAST_DOUBLE),
         (1e-300, 1e300, -1.0),
         (0.0, 3.0, -2.0),
         (1.0 + 2.0**-52, 1.0 - 2.0**-53, -1.0),

@@ -6,15 +6,11 @@ import subprocess
 import threading
 from types import SimpleNamespace
 
-import numba
 import pytest
+from needs import COMPILED
 from programs import install, python, start
 
 from rattle.scene import compile_ahead, compiled
-
-COMPILED = pytest.mark.skipif(
-    bool(getattr(numba.config, "DISABLE_JIT", False)), reason="the compiler is off"
-)
 
 
 @pytest.fixture
@@ -51,14 +47,14 @@ def started(monkeypatch):
     compile_ahead._started.clear()
 
 
-FAULTS = [PermissionError, NotImplementedError, OSError(28, "No space left on device")]
+WRITE_FAULTS = [PermissionError, NotImplementedError, OSError(28, "No space left on device")]
 
 
 @COMPILED
 @pytest.mark.parametrize(
     "place", ["filelock.FileLock.acquire", "tempfile.TemporaryFile", "os.replace"]
 )
-@pytest.mark.parametrize("fault", FAULTS)
+@pytest.mark.parametrize("fault", WRITE_FAULTS)
 def test_where_nothing_can_be_kept_every_process_compiles(kept, monkeypatch, place, fault):
     """No lock, a read-only folder, a full disk."""
 
@@ -182,7 +178,7 @@ types_of_sums.KINDS = sys.argv[1:]
 types_of_sums.sums()
 print(compiler.functions)
 """
-KINDS = ["int16", "int32", "int64", "float32", "float64", "complex128"]
+NUMBER_TYPES = ["int16", "int32", "int64", "float32", "float64", "complex128"]
 
 
 @pytest.mark.slow
@@ -193,8 +189,10 @@ def test_processes_that_compile_one_function_for_different_types_at_once_keep_al
     install(place)
     (place / "scene" / "types_of_sums.py").write_text(TYPES)
     environment = {"NUMBA_CACHE_DIR": tmp_path / "kept", "PYTHONPATH": place.parent}
-    processes = [start("-c", BOTH, *part, **environment) for part in (KINDS[:3], KINDS[3:])]
+    processes = [
+        start("-c", BOTH, *part, **environment) for part in (NUMBER_TYPES[:3], NUMBER_TYPES[3:])
+    ]
     for process in processes:
         _, said = process.communicate()
         assert process.returncode == 0, said
-    assert python("-c", BOTH, *KINDS, **environment).stdout == "0\n"
+    assert python("-c", BOTH, *NUMBER_TYPES, **environment).stdout == "0\n"

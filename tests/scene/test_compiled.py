@@ -7,6 +7,7 @@ from pathlib import Path
 import numba
 import numpy as np
 import pytest
+from needs import COMPILED
 
 from rattle import Scene
 from rattle.montecarlo import SCHEMES
@@ -14,10 +15,6 @@ from rattle.montecarlo.kernel.kernel import block_kernel
 from rattle.scene import compiled
 from rattle.scene.compiled import jit
 from rattle.scene.flight import flow
-
-COMPILED = pytest.mark.skipif(
-    bool(getattr(numba.config, "DISABLE_JIT", False)), reason="the compiler is off"
-)
 
 
 @numba.njit

@@ -13,10 +13,11 @@ import numpy as np
 import pytest
 from digits import in_digits
 
+from rattle import Scene, Start, Wheel
 from rattle.closure import edgeworth
 from rattle.closure import saltation as linear
 from rattle.montecarlo.schemes import short_flight as short
-from rattle.scene import Scene, Start, Wheel, damping, drive, flight, moments, tangent
+from rattle.scene import damping, drive, flight, moments, tangent
 
 ROUNDING = 4e-15  # a few roundings of a double
 
@@ -27,7 +28,7 @@ def spread(low, high, points, *more):
 
 
 BETAS = spread(1e-14, 1e3, 7, 0.0)
-TIMES = spread(1e-12, 1e6, 10)
+FLIGHT_TIMES = spread(1e-12, 1e6, 10)
 SERIES_ORDER = 6  # of the Edgeworth series
 EPSILONS = (0.0, 1e-12, 0.1, math.exp(-math.pi / math.sqrt(3.0)), 0.9, 1.0 - 2.0**-53, 1.0)
 
@@ -45,7 +46,7 @@ def constants(betas=(0.08, 0.13), gammas=(0.06, 0.03), parents=(0, 1), ratios=(1
     return Scene(wheels=wheels, start=start, **plain).constants
 
 
-TREE = {"parents": (0, 1, 1), "ratios": (1.2, 0.7, 1.1)}
+TREE_SHAPE = {"parents": (0, 1, 1), "ratios": (1.2, 0.7, 1.1)}
 
 
 def flights(seed, points=120):
@@ -66,12 +67,12 @@ def flights(seed, points=120):
         if number % 3 == 2:
             betas.append(other)
             gammas.append(0.5)
-            tree = TREE
-        yield constants(betas, gammas, alpha=alpha, **tree), tau, float(rng.choice(TIMES))
+            tree = TREE_SHAPE
+        yield constants(betas, gammas, alpha=alpha, **tree), tau, float(rng.choice(FLIGHT_TIMES))
 
 
 def phi_functions():
-    for beta, t in product(BETAS, TIMES):
+    for beta, t in product(BETAS, FLIGHT_TIMES):
         e, g = digits.phi_functions(beta, t)
         yield damping.phi1(beta, t), e, e
         yield damping.phi2(beta, t), g, g

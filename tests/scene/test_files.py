@@ -4,12 +4,13 @@ encodings."""
 from pathlib import Path
 
 import pytest
+from refusals import refusal
 
-from rattle import Study
+from rattle import Scene, Study
 from rattle.compare.cli.terminal import read_page
 from rattle.compare.report.manifest import read_settings
 from rattle.compare.thresholds.fixture import read_baseline
-from rattle.scene import FileError, InputError, Scene
+from rattle.scene import FileError
 from rattle.scene.files import MOST_BITS, MOST_DEPTH, MOST_TOML, parse_json, read_toml
 
 READERS = {
@@ -72,7 +73,7 @@ def test_what_is_within_the_limits_is_read():
     """A thousand numbers on one line have more dots than a key may have parts."""
     text = f"a = {[[0.5] * 1000]}\n{'b.' * (MOST_DEPTH - 1)}c = 1\nd = {2**MOST_BITS - 1}"
     assert read_toml(text)["a"] == [[0.5] * 1000]
-    with pytest.raises(InputError, match="give text"):
+    with refusal("give text"):
         read_toml(b"a = 1")
 
 
@@ -98,5 +99,5 @@ def test_json_that_is_too_much_is_refused_in_one_line(kind, tmp_path):
 def test_the_line_of_a_wrong_key_is_found_soon_in_any_header(tmp_path):
     """Many spaces within a header are no work of their square."""
     (path := tmp_path / "wide.toml").write_text(f'["scene{" " * 300_000}x"]\na = 1\n')
-    with pytest.raises(InputError, match="unknown key"):
+    with refusal("unknown key"):
         Scene.load(path)

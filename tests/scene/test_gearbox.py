@@ -6,12 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from refusals import refusal, refusal_in_words
 
 import rattle.scene
-from rattle.scene import DAT21, Gears, InputError, Scene
+from rattle import DAT21, Gears, Scene
 from rattle.scene.changes import change, find_value, unit_of_value, words_of_value
 
-TEXT = """\
+BOX_TEXT = """\
 [gears]
 amplitude_rad = 0.012
 driver_radius = 30.0
@@ -57,30 +58,32 @@ torque = 10.0
 [scene]
 sigma = 0.1
 """
-SCENE = Scene.from_toml(TEXT)
-WHEELS = SCENE.gears.values["wheels"]
+BOX = Scene.from_toml(BOX_TEXT)
+BOX_WHEELS = BOX.gears.values["wheels"]
 
 # of the same gears, as an engineer reads the drawing: N mm as kg mm^2/s^2, angles in rad
 RADII = np.array([45.0, 33.0, 58.0, 25.0])
 INERTIAS = np.array([9000.0, 1200.0, 3200.0, 700.0])
 DAMPINGS = 1e3 * np.array([0.5, 0.5, 0.5, 0.05])
 DRAGS = 1e3 * np.array([80.0, 20.0 + 70.0 * 200.0 / 2400.0, 60.0, 10.0])
-OMEGA = 180.0
+BOX_OMEGA = 180.0
 # of the mean rotation: of the driver 800/min, of each wheel by the radii along the way
-DRIVER = 800.0 * 2.0 * math.pi / 60.0
-SHAFT = DRIVER * 30.0 / 45.0
-FIRST = SHAFT * 20.0 / 58.0
-SPEEDS = np.array([SHAFT, DRIVER * 42.0 / 33.0, FIRST, FIRST * 31.0 / 25.0])
+SPEED_OF_DRIVER = 800.0 * 2.0 * math.pi / 60.0
+SPEED_OF_SHAFT = SPEED_OF_DRIVER * 30.0 / 45.0
+SPEED_OF_FIRST = SPEED_OF_SHAFT * 20.0 / 58.0
+SPEEDS = np.array(
+    [SPEED_OF_SHAFT, SPEED_OF_DRIVER * 42.0 / 33.0, SPEED_OF_FIRST, SPEED_OF_FIRST * 31.0 / 25.0]
+)
 
 
 def test_the_model_has_the_numbers_of_the_gears_in_millimetres_and_seconds():
     """Three toothings on two shafts, two radii of the driver, own restitutions, a mean speed."""
-    unit = 0.12 * OMEGA**2  # mm/s^2
-    c = SCENE.constants
+    unit = 0.12 * BOX_OMEGA**2  # mm/s^2
+    c = BOX.constants
     assert c.alpha == pytest.approx(0.012 * 30.0 / 0.12)
     forces = (DRAGS + DAMPINGS * SPEEDS) * RADII / INERTIAS
     expected = {
-        "beta": DAMPINGS / INERTIAS / OMEGA,
+        "beta": DAMPINGS / INERTIAS / BOX_OMEGA,
         "gamma": forces / unit,
         "wall": np.array([0.12, 0.1, 0.12, 0.15]) / 2.0 / 0.12,
         "mass": INERTIAS / RADII**2 * 45.0**2 / 9000.0,
@@ -105,15 +108,13 @@ def test_two_wheels_in_a_row_are_the_numbered_pair():
 
 
 def test_what_was_typed_is_kept_by_a_file_a_repr_and_a_copy():
-    again = Scene.from_toml(SCENE.to_toml())
-    assert again == SCENE
-    assert again.gears.values == SCENE.gears.values
-    assert "torque_over_rpm" in SCENE.to_toml()
-    assert eval(repr(SCENE), vars(rattle.scene)) == SCENE
-    wide = replace(SCENE.gears, omega=200.0)
-    assert wide.wheels[0].torque == SCENE.gears.wheels[0].torque  # the mean speed adds to it once
-    assert replace(SCENE, sigma=0.2).gears is SCENE.gears
-    assert replace(SCENE, alpha=2.0).gears is None
+    for again in (Scene.from_toml(BOX.to_toml()), eval(repr(BOX), vars(rattle.scene))):
+        assert (again, again.gears.values) == (BOX, BOX.gears.values)
+    assert "torque_over_rpm" in BOX.to_toml()
+    wide = replace(BOX.gears, omega=200.0)
+    assert wide.wheels[0].torque == BOX.gears.wheels[0].torque  # the mean speed adds to it once
+    assert replace(BOX, sigma=0.2).gears is BOX.gears
+    assert replace(BOX, alpha=2.0).gears is None
 
 
 @pytest.mark.parametrize(
@@ -125,32 +126,32 @@ def test_what_was_typed_is_kept_by_a_file_a_repr_and_a_copy():
     ],
 )
 def test_a_value_of_a_wheel_by_name_and_by_number(name, words):
-    assert find_value(SCENE, name, "over") == 60.0
-    changed = change(SCENE, {name: 90.0})
+    assert find_value(BOX, name, "over") == 60.0
+    changed = change(BOX, {name: 90.0})
     assert changed.gears == replace(
-        SCENE.gears, wheels=[replace(w, torque=90.0) if w.name == "first" else w for w in WHEELS]
+        BOX.gears, wheels=[replace(w, torque=90.0) if w.name == "first" else w for w in BOX_WHEELS]
     )
     assert unit_of_value(name) == "N mm"
     assert words_of_value(name) == words
 
 
 def test_lengths_of_other_wheels_stay_when_the_unit_changes():
-    wide = SCENE.with_gears(**{"wheel.shaft.backlash": 0.24, "speed_rpm": 1500.0})
-    assert wide.gears.amplitude == SCENE.gears.amplitude
-    assert wide.tree[3].gap == pytest.approx(0.5 * SCENE.tree[3].gap)
+    wide = BOX.with_gears(**{"wheel.shaft.backlash": 0.24, "speed_rpm": 1500.0})
+    assert wide.gears.amplitude == BOX.gears.amplitude
+    assert wide.tree[3].gap == pytest.approx(0.5 * BOX.tree[3].gap)
     assert wide.start.values[6] == wide.tree[3].gap  # on its flank
-    assert wide.gears.tree[1].torque > SCENE.gears.tree[1].torque  # its table is read again
-    assert change(SCENE, {"wheel.4.gap": 0.7, "start.y4": 1.0}).start.values[6:] == (0.7, 1.0)
+    assert wide.gears.tree[1].torque > BOX.gears.tree[1].torque  # its table is read again
+    assert change(BOX, {"wheel.4.gap": 0.7, "start.y4": 1.0}).start.values[6:] == (0.7, 1.0)
     names = ("shaft", "fifth", "first", "4")
-    assert (SCENE.wheel_names, SCENE.gears.wheel_names) == (names, names)
+    assert (BOX.wheel_names, BOX.gears.wheel_names) == (names, names)
 
 
-def written(old, new, text=TEXT):
+def written(old, new, text=BOX_TEXT):
     assert old in text
     return text.replace(old, new)
 
 
-LONE = "\n[[wheel]]\ninertia = 700.0\nradius = 25.0\n"
+LONE_WHEEL = "\n[[wheel]]\ninertia = 700.0\nradius = 25.0\n"
 
 
 @pytest.mark.parametrize(
@@ -180,30 +181,26 @@ LONE = "\n[[wheel]]\ninertia = 700.0\nradius = 25.0\n"
             "gears.inertia2 = 5.0: belongs",
         ),
         (written("sigma = 0.1", "stages = 4"), "scene.stages = 4: leave it out"),
-        (TEXT + "[gears.tolerance]\nbacklash1 = 0.01\n", "give it as backlash_tolerance"),
-        (TEXT + 29 * LONE, "wheels = 33: at most 32 wheels"),
-        (f"[scene]\nalpha = 1.0{LONE}", "needs [gears]"),
+        (BOX_TEXT + "[gears.tolerance]\nbacklash1 = 0.01\n", "give it as backlash_tolerance"),
+        (BOX_TEXT + 29 * LONE_WHEEL, "wheels = 33: at most 32 wheels"),
+        (f"[scene]\nalpha = 1.0{LONE_WHEEL}", "needs [gears]"),
     ],
 )
 def test_a_gearbox_that_cannot_be_is_refused_by_wheel_value_and_remedy(tmp_path, text, words):
     path = tmp_path / "box.toml"
     path.write_text(text)
-    with pytest.raises(InputError) as caught:
+    with refusal_in_words(str(path), words):
         Scene.load(path)
-    assert words in str(caught.value)
-    assert str(path) in str(caught.value)
 
 
 def test_a_second_radius_of_the_driver_needs_the_first():
     wheel = {"inertia": 900.0, "radius": 30.0, "backlash": 0.1}
     others = {"amplitude": 0.3, "omega": 180.0, "epsilon": 0.5}
-    with pytest.raises(
-        InputError, match=r"wheel\.2\.parent_radius = 40\.0: give the driver's radius"
-    ):
+    with refusal(r"wheel\.2\.parent_radius = 40\.0: give the driver's radius"):
         Gears.driven(wheels=[wheel, wheel | {"parent_radius": 40.0}], **others)
     box = Gears.driven(
         wheels=[wheel | {"parent_radius": 32.0}, wheel | {"parent_radius": 40.0}], **others
     )
     assert [w.ratio for w in Scene.from_gears(box).wheels] == [1.0, 1.25]
-    with pytest.raises(InputError, match=r"driver_radius = 30\.0: wheel 1 has parent_radius too"):
+    with refusal(r"driver_radius = 30\.0: wheel 1 has parent_radius too"):
         Gears.driven(wheels=box.wheels, driver_radius=30.0, **others)

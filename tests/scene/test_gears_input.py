@@ -6,12 +6,13 @@ import re
 from dataclasses import replace
 
 import pytest
+from refusals import refusal, refusal_in_words
+from scenes import BESIDE_ALPHA
 
-from rattle.scene import DAT21, Gears, InputError, Scene, Start, Tolerance
+from rattle import DAT21, Gears, Scene, Start, Tolerance
 
-OTHERS = {name: value for name, value in DAT21.values.items() if name != "alpha"}
-TEXT = "[gears]\n" + "".join(f"{name} = {value!r}\n" for name, value in OTHERS.items())
-TURNING = "alpha = 1.5\nspeed_rpm = 800.0\ndriver_radius = 30.0\n"
+DAT21_TEXT = "[gears]\n" + "".join(f"{name} = {value!r}\n" for name, value in BESIDE_ALPHA.items())
+MOVING = "alpha = 1.5\nspeed_rpm = 800.0\ndriver_radius = 30.0\n"
 
 
 def written(tmp_path, text):
@@ -24,7 +25,7 @@ def written(tmp_path, text):
     "drive", ["alpha = 1.5", "amplitude = 0.3", "amplitude_rad = 0.01\ndriver_radius = 30.0"]
 )
 def test_the_drive_is_given_as_alpha_or_as_an_amplitude(tmp_path, drive):
-    scene = Scene.load(written(tmp_path, TEXT + drive))
+    scene = Scene.load(written(tmp_path, DAT21_TEXT + drive))
     assert scene.alpha == pytest.approx(1.5, rel=1e-15)
     assert scene.gears.amplitude == pytest.approx(0.3, rel=1e-15)
     assert Scene.from_toml(scene.to_toml()) == scene
@@ -57,36 +58,36 @@ def test_the_drive_is_given_as_alpha_or_as_an_amplitude(tmp_path, drive):
             "gears.speed_rpm = None: give it, and driver_radius: torque1_over_rpm is read at",
         ),
         (
-            f"{TURNING}torque1_over_rpm = [[600, 5], [900]]",
+            f"{MOVING}torque1_over_rpm = [[600, 5], [900]]",
             "gears.torque1_over_rpm = [900]: point 2 leaves a gap in the table",
         ),
         (
-            f"{TURNING}torque1_over_rpm = [[600, 5], [900, nan]]",
+            f"{MOVING}torque1_over_rpm = [[600, 5], [900, nan]]",
             "gears.torque1_over_rpm: torque of point 2 = nan",
         ),
         (
-            f"{TURNING}torque1_over_rpm = [[600, 5], [500, 6]]",
+            f"{MOVING}torque1_over_rpm = [[600, 5], [500, 6]]",
             "gears.torque1_over_rpm = 500: must be above 600",
         ),
         (
-            f"{TURNING}torque1_over_rpm = [[600, 5], [900, 6]]",
+            f"{MOVING}torque1_over_rpm = [[600, 5], [900, 6]]",
             "gears.torque1 = 100.0: torque1_over_rpm is given too",
         ),
-        (f"{TURNING}torque1_over_rpm = 5.0", "gears.torque1_over_rpm = 5.0: write it as"),
+        (f"{MOVING}torque1_over_rpm = 5.0", "gears.torque1_over_rpm = 5.0: write it as"),
         (
-            f"{TURNING}torque1_over_rpm = {{ polynomial = [5, 0.01] }}",
+            f"{MOVING}torque1_over_rpm = {{ polynomial = [5, 0.01] }}",
             "write { polynomial = [a0, a1, a2], rpm = [lowest, highest] }",
         ),
         (
-            f"{TURNING}torque1_over_rpm = {{ polynomial = [5, 'a'], rpm = [600, 900] }}",
+            f"{MOVING}torque1_over_rpm = {{ polynomial = [5, 'a'], rpm = [600, 900] }}",
             "gears.torque1_over_rpm: a1 = 'a': give a number",
         ),
         (
-            f"{TURNING}torque1_over_rpm = {{ polynomial = [5, 0.01], rpm = [900, 600] }}",
+            f"{MOVING}torque1_over_rpm = {{ polynomial = [5, 0.01], rpm = [900, 600] }}",
             "gears.torque1_over_rpm = [900, 600]: give a lowest speed and a higher one",
         ),
         (  # 5 at both ends, and less than nothing between them
-            f"{TURNING}torque1_over_rpm = {{ polynomial = [545, -1.5, 1e-3], rpm = [600, 900] }}",
+            f"{MOVING}torque1_over_rpm = {{ polynomial = [545, -1.5, 1e-3], rpm = [600, 900] }}",
             "is -17.5 N mm at 750 1/min; drag cannot push a wheel",
         ),
         (
@@ -104,9 +105,8 @@ def test_the_drive_is_given_as_alpha_or_as_an_amplitude(tmp_path, drive):
     ],
 )
 def test_a_drive_or_tolerance_is_refused_in_words(drive, words):
-    with pytest.raises(InputError) as caught:
-        Scene.from_toml(TEXT + drive)
-    assert words in str(caught.value)
+    with refusal_in_words(words):
+        Scene.from_toml(DAT21_TEXT + drive)
 
 
 def test_the_tolerance_of_a_drawing_is_that_of_the_full_backlash():
@@ -114,44 +114,49 @@ def test_the_tolerance_of_a_drawing_is_that_of_the_full_backlash():
         '[gears.tolerance]\nbacklash1 = 0.05\nbacklash2 = 0.1\ndistribution = "normal"\ndraw ='
         ' "contact"\n'
     )
-    scene = Scene.from_toml(TEXT + "alpha = 1.5\n" + table)
+    scene = Scene.from_toml(DAT21_TEXT + "alpha = 1.5\n" + table)
     assert scene.tolerance == Tolerance(0.125, 0.25, distribution="normal", draw="contact")
     assert Scene.from_toml(scene.to_toml()) == scene
 
 
-FIRST = (
-    "".join(line for line in TEXT.splitlines(keepends=True) if "2 =" not in line) + "alpha = 1.5\n"
+FIRST_WHEEL_TEXT = (
+    "".join(line for line in DAT21_TEXT.splitlines(keepends=True) if "2 =" not in line)
+    + "alpha = 1.5\n"
 )
 
 
 def test_a_single_stage_needs_no_second_wheel_and_invents_none():
-    scene = Scene.from_toml(FIRST + "[scene]\nstages = 1")
+    scene = Scene.from_toml(FIRST_WHEEL_TEXT + "[scene]\nstages = 1")
     assert scene.tree == Scene.from_gears(DAT21, stages=1).tree
     assert not re.search("(inertia|radius|backlash|damping|torque)2", scene.to_toml() + repr(scene))
     assert Scene.from_toml(scene.to_toml()).gears == scene.gears
-    with pytest.raises(
-        InputError, match=r"gears = \['inertia2', 'radius2'\]: .* write stages = 1 in \[scene\]"
-    ):
-        Scene.from_toml(FIRST)
-    with pytest.raises(InputError, match=r"gears\.tolerance\.backlash2 = 0\.1: belongs to wheel 2"):
-        Scene.from_toml(FIRST + "[gears.tolerance]\nbacklash2 = 0.1\n[scene]\nstages = 1")
+    with refusal(r"gears = \['inertia2', 'radius2'\]: .* write stages = 1 in \[scene\]"):
+        Scene.from_toml(FIRST_WHEEL_TEXT)
+    with refusal(r"gears\.tolerance\.backlash2 = 0\.1: belongs to wheel 2"):
+        Scene.from_toml(
+            FIRST_WHEEL_TEXT + "[gears.tolerance]\nbacklash2 = 0.1\n[scene]\nstages = 1"
+        )
 
 
 @pytest.mark.parametrize("given", ["speed_rad_s = 80.0", f"speed_rpm = {2400.0 / math.pi!r}"])
 def test_the_mean_speed_adds_what_damping_takes_to_the_drag(given):
     """d Omega_i of each wheel at its own speed: R_i Omega_i is the same on all pitch circles."""
-    gears = Scene.from_toml(f"{TEXT}amplitude = 0.3\ndriver_radius = 30.0\n{given}").gears
+    gears = Scene.from_toml(f"{DAT21_TEXT}amplitude = 0.3\ndriver_radius = 30.0\n{given}").gears
     rim = 80.0 * 30.0
     assert gears.torque1 == pytest.approx(100.0 + 100.0 * rim / DAT21.radius1, rel=1e-14)
     assert gears.torque2 == pytest.approx(50.0 + 100.0 * rim / DAT21.radius2, rel=1e-14)
     assert gears.damping1 == DAT21.damping1
-    single = Scene.from_toml(f"{FIRST}driver_radius = 30.0\n{given}\n[scene]\nstages = 1")
+    single = Scene.from_toml(
+        f"{FIRST_WHEEL_TEXT}driver_radius = 30.0\n{given}\n[scene]\nstages = 1"
+    )
     assert single.gears.torque1 == gears.torque1
     assert Scene.from_toml(single.to_toml()).gears == single.gears  # added once
 
 
 def test_what_acts_on_no_wheel_is_left_out_and_what_is_missing_is_named():
-    lines = [line for line in TEXT.splitlines() if not re.match(r"backlash2|damping|torque", line)]
+    lines = [
+        line for line in DAT21_TEXT.splitlines() if not re.match(r"backlash2|damping|torque", line)
+    ]
     lines.append("alpha = 1.5")
     scene = Scene.from_toml("\n".join(lines))
     plain = replace(DAT21, damping1=0.0, damping2=0.0, torque1=0.0, torque2=0.0)
@@ -159,7 +164,7 @@ def test_what_acts_on_no_wheel_is_left_out_and_what_is_missing_is_named():
     assert Scene.from_toml(scene.to_toml()).gears == plain
     for line in lines[1:]:
         name = line.split()[0]
-        with pytest.raises(InputError, match=rf"gears = \['{name}'\]: these keys are missing"):
+        with refusal(rf"gears = \['{name}'\]: these keys are missing"):
             Scene.from_toml("\n".join(other for other in lines if other != line))
 
 
@@ -189,10 +194,8 @@ def load_changed(tmp_path, changes):
 def test_gears_that_cannot_be_are_questioned_in_the_users_unit(
     tmp_path, changes, field, conversion
 ):
-    with pytest.raises(InputError) as caught:
+    with refusal_in_words(conversion, field=field):
         load_changed(tmp_path, changes)
-    assert caught.value.field == field
-    assert conversion in str(caught.value)
 
 
 @pytest.mark.parametrize(
@@ -219,15 +222,13 @@ def test_gears_of_watches_and_of_ships_are_not(tmp_path, changes):
 
 
 def test_only_what_was_written_in_a_file_is_questioned(tmp_path):
-    text = TEXT.replace("inertia1 = 4000.0", "inertia1 = 0.004").replace(
+    text = DAT21_TEXT.replace("inertia1 = 4000.0", "inertia1 = 0.004").replace(
         "damping1 = 100.0", "damping1 = 0.0"
     )
     assert Scene.from_toml(text + "alpha = 1.5").beta1 == 0.0
-    with pytest.raises(
-        InputError, match=r"mine\.toml, line 4: gears\.inertia1 = 0\.004: is too little"
-    ) as caught:
+    said = "mine.toml, line 4: gears.inertia1 = 0.004: is too little"
+    with refusal_in_words(said, field="gears.inertia1"):
         Scene.load(written(tmp_path, text + "alpha = 1.5"))
-    assert caught.value.field == "gears.inertia1"
 
 
 @pytest.mark.parametrize(
@@ -241,10 +242,8 @@ def test_only_what_was_written_in_a_file_is_questioned(tmp_path):
     ],
 )
 def test_what_follows_from_gears_is_refused_by_their_fields(changes, field, parameter):
-    with pytest.raises(InputError) as caught:
+    with refusal_in_words(parameter, field=field):
         Scene.from_gears(replace(DAT21, **changes))
-    assert caught.value.field == field
-    assert parameter in str(caught.value)
 
 
 @pytest.mark.parametrize(
@@ -261,9 +260,8 @@ def test_what_follows_from_gears_is_refused_by_their_fields(changes, field, para
     ],
 )
 def test_an_unknown_keyword_suggests_the_nearest(make, words):
-    with pytest.raises(InputError) as caught:
+    with refusal_in_words(words):
         make()
-    assert words in str(caught.value)
 
 
 @pytest.mark.parametrize(
@@ -274,30 +272,28 @@ def test_an_unknown_keyword_suggests_the_nearest(make, words):
             "line 3: epsilon = 2",
         ),
         ("[scene]\nalpha = 1.5\n", "mine.toml: scene = ['epsilon'"),
-        (TEXT + "alpha = 1.5\n[scene.start]\n\ny1 = 'fast'", "line 17: start.y1 = 'fast'"),
+        (DAT21_TEXT + "alpha = 1.5\n[scene.start]\n\ny1 = 'fast'", "line 17: start.y1 = 'fast'"),
         (
-            TEXT.replace("epsilon = 0.9", "epsilon = 9.0") + "alpha = 1.5",
+            DAT21_TEXT.replace("epsilon = 0.9", "epsilon = 9.0") + "alpha = 1.5",
             "line 2: gears.epsilon = 9.0",
         ),
-        (TEXT + "alpha = \n", "mine.toml: TOML = 'Invalid value (at line 14, column 9)'"),
-        (TEXT + "alpha = 1,5\n", "use a decimal point: 1.5"),
+        (DAT21_TEXT + "alpha = \n", "mine.toml: TOML = 'Invalid value (at line 14, column 9)'"),
+        (DAT21_TEXT + "alpha = 1,5\n", "use a decimal point: 1.5"),
         (
             "name,value\nalpha,1.5\n",
             "write each value on a line as name = value, with a decimal point",
         ),
         ("alpha;epsilon\n1,5;0,9\n", "this looks like a table (CSV)"),
         (
-            TEXT + "amplitude_rad = 2.8\ndriver_radius = 30.0",
+            DAT21_TEXT + "amplitude_rad = 2.8\ndriver_radius = 30.0",
             "line 14: gears.amplitude_rad = 2.8: swings",
         ),
         (
-            TEXT + "amplitude_rad = 2.8\ndriver_radius = 30.0",
+            DAT21_TEXT + "amplitude_rad = 2.8\ndriver_radius = 30.0",
             "if 2.8 is in degrees, write 0.0488692",
         ),
     ],
 )
 def test_an_error_from_a_file_names_file_line_and_key(tmp_path, text, where):
-    with pytest.raises(InputError) as caught:
+    with refusal_in_words("mine.toml", where.removeprefix("mine.toml")):
         Scene.load(written(tmp_path, text))
-    assert where in str(caught.value)
-    assert str(caught.value).startswith(str(tmp_path / "mine.toml"))

@@ -4,10 +4,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from oracle import gearbox
+from scenes import UNEQUAL, dat21
 
-from rattle import DAT21, Scene, Start, follow
-
-DAT = Scene.from_gears(DAT21)
+from rattle import Scene, Start, follow
 
 
 def still(**changes):
@@ -16,19 +15,9 @@ def still(**changes):
     return Scene(**values)
 
 
-SCENES = {
-    "DAT21": DAT,
-    "unequal gaps": Scene(
-        alpha=0.8,
-        epsilon=0.7,
-        beta1=0.3,
-        beta2=0.01,
-        gamma1=0.2,
-        gamma2=0.5,
-        mu=0.3,
-        gap1=0.2,
-        gap2=1.1,
-    ),
+STRUCK = {
+    "DAT21": dat21(),
+    "unequal gaps": UNEQUAL,
     "strong damping": Scene(
         alpha=3.0, epsilon=0.5, beta1=4.0, beta2=9.0, gamma1=1.0, gamma2=6.0, mu=0.8, gap2=0.05
     ),
@@ -43,9 +32,9 @@ def first_impact(scene, tau, state, mesh=0):
     return orbit.tau[1] - orbit.tau[0], orbit.mesh[1], orbit.side[1], orbit.before[1]
 
 
-@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize("name", STRUCK)
 def test_the_first_impact_is_the_first_crossing_of_an_integrator(name):
-    scene = SCENES[name]
+    scene = STRUCK[name]
     box = gearbox(scene.constants)
     rng = np.random.default_rng(5)
     for _ in range(40):
@@ -98,9 +87,9 @@ def test_a_short_excursion_beyond_a_wall_is_met(duration):
 
 @pytest.mark.parametrize("k", [1, 5])
 def test_an_orbit_restarted_at_its_own_impact_repeats_itself(k):
-    orbit = follow(DAT, 12)
+    orbit = follow(dat21(), 12)
     start = Start(orbit.tau[k], *orbit.before[k], mesh=int(orbit.mesh[k]))
-    again = follow(Scene.from_gears(DAT21, start=start), 12 - k)
+    again = follow(dat21(start=start), 12 - k)
     assert np.diff(again.tau) == pytest.approx(np.diff(orbit.tau[k:]), abs=1e-13)
     assert again.before == pytest.approx(orbit.before[k:], rel=0, abs=1e-13)
     assert np.array_equal(again.mesh, orbit.mesh[k:])

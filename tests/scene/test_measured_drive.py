@@ -3,20 +3,20 @@ files."""
 
 import math
 import re
-from pathlib import Path
 
 import numpy as np
 import pytest
 from commands import rattle
-from measurements import QUANTITIES, RADIUS, measure, wander, write
+from measurements import OMEGA, QUANTITIES, RADIUS, TIMES, measure, wander, write
 from measurements import motion as moved
+from places import EXAMPLES
+from refusals import refusal
 
-from rattle import InputError, Scene, measure_drive
+from rattle import Scene, measure_drive
 
-EXAMPLES = Path(__file__).parents[2] / "examples"
-OMEGA = 167.6
-ORDERS = ((1, 0.45, 0.3), (2, 0.08, 1.1), (5, 0.002, -0.4))  # amplitudes in mm
-GEARS = """
+SLOW_OMEGA = 167.6
+MEASURED_ORDERS = ((1, 0.45, 0.3), (2, 0.08, 1.1), (5, 0.002, -0.4))  # amplitudes in mm
+MEASURED_GEARS = """
 [gears]
 driver_radius = 32.0
 omega = 167.6
@@ -33,22 +33,22 @@ DEGREES = {"displacement": "deg", "speed": "rpm", "acceleration": "rad/s^2"}
 
 def noisy(seed, ratio, periods=60, memory=0.0):
     """The speed of a drive whose modulation is white noise, or one with a memory."""
-    times = 2.0 * math.pi / OMEGA / 32.0 * np.arange(32 * periods)
+    times = 2.0 * math.pi / SLOW_OMEGA / 32.0 * np.arange(32 * periods)
     settings = {"quantity": "speed", "ratio": ratio, "seed": seed, "memory": memory}
-    return measure(OMEGA, ORDERS, times, **settings)
+    return measure(SLOW_OMEGA, MEASURED_ORDERS, times, **settings)
 
 
 @pytest.mark.parametrize("quantity", QUANTITIES)
 @pytest.mark.parametrize("angular", [False, True])
 def test_the_orders_are_found_in_every_quantity_and_unit(quantity, angular):
-    times = 2.0 * math.pi / OMEGA / 40.0 * np.arange(40 * 30)
+    times = 2.0 * math.pi / SLOW_OMEGA / 40.0 * np.arange(40 * 30)
     unit = DEGREES[quantity] if angular else None
     extra = 7.0 * (quantity != "acceleration")  # a constant does not matter
-    text = measure(OMEGA, ORDERS, times, quantity=quantity, unit=unit, extra=extra)
-    found = measure_drive(text, omega=1.01 * OMEGA, driver_radius=RADIUS if angular else None)
-    assert found.omega == pytest.approx(OMEGA, rel=1e-6)
+    text = measure(SLOW_OMEGA, MEASURED_ORDERS, times, quantity=quantity, unit=unit, extra=extra)
+    found = measure_drive(text, omega=1.01 * SLOW_OMEGA, driver_radius=RADIUS if angular else None)
+    assert found.omega == pytest.approx(SLOW_OMEGA, rel=1e-6)
     assert found.amplitude == pytest.approx(0.45, rel=2e-4)
-    for one, (order, amplitude, phase) in zip(found.drive, ORDERS, strict=True):
+    for one, (order, amplitude, phase) in zip(found.drive, MEASURED_ORDERS, strict=True):
         assert one.order == order
         assert one.amplitude == pytest.approx(amplitude / 0.45, rel=2e-3)
         assert one.phase == pytest.approx(phase, abs=3e-3)
@@ -57,7 +57,7 @@ def test_the_orders_are_found_in_every_quantity_and_unit(quantity, angular):
 
 
 def test_noise_that_remembers_is_said():
-    found = measure_drive(noisy(1, 0.05, periods=200, memory=20.0), omega=OMEGA)
+    found = measure_drive(noisy(1, 0.05, periods=200, memory=20.0), omega=SLOW_OMEGA)
     assert found.memory > 0.4
     assert "the noise has a memory" in found.answer[-1]
 
@@ -65,26 +65,26 @@ def test_noise_that_remembers_is_said():
 def test_a_scene_file_takes_drive_and_noise_from_the_file_beside_it(tmp_path):
     (tmp_path / "speed.csv").write_text(noisy(3, 0.05))
     path = tmp_path / "gears.toml"
-    path.write_text('[drive]\nfile = "speed.csv"\n' + GEARS)
+    path.write_text('[drive]\nfile = "speed.csv"\n' + MEASURED_GEARS)
     scene = Scene.load(path)
-    found = measure_drive(tmp_path / "speed.csv", omega=OMEGA)
+    found = measure_drive(tmp_path / "speed.csv", omega=SLOW_OMEGA)
     assert scene.drive == found.drive
     assert scene.alpha == pytest.approx(found.amplitude / 0.12)
     assert scene.sigma == pytest.approx(found.sigma_ratio * scene.alpha)
     assert Scene.from_toml(scene.to_toml()) == scene  # without the measurement
-    path.write_text('[drive]\nfile = "speed.csv"\n' + GEARS + "[scene]\nsigma = 0.5\n")
+    path.write_text('[drive]\nfile = "speed.csv"\n' + MEASURED_GEARS + "[scene]\nsigma = 0.5\n")
     assert Scene.load(path).sigma == 0.5
 
 
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("[drive]\nfile = 'no.csv'" + GEARS, "cannot be read"),
-        ("[drive]\nfil = 'speed.csv'" + GEARS, "did you mean 'file'"),
-        ("[drive]\nperiods = 3" + GEARS, "drive.file = None: is missing"),
+        ("[drive]\nfile = 'no.csv'" + MEASURED_GEARS, "cannot be read"),
+        ("[drive]\nfil = 'speed.csv'" + MEASURED_GEARS, "did you mean 'file'"),
+        ("[drive]\nperiods = 3" + MEASURED_GEARS, "drive.file = None: is missing"),
         ("[drive]\nfile = 'speed.csv'\n[scene]\nalpha = 1.5", r"needs \[gears\]"),
         (
-            "[drive]\nfile = 'speed.csv'" + GEARS + "amplitude = 0.3",
+            "[drive]\nfile = 'speed.csv'" + MEASURED_GEARS + "amplitude = 0.3",
             "leave it out: the file of the drive",
         ),
     ],
@@ -92,7 +92,7 @@ def test_a_scene_file_takes_drive_and_noise_from_the_file_beside_it(tmp_path):
 def test_bad_scene_files_are_refused(text, message, tmp_path):
     (tmp_path / "speed.csv").write_text(noisy(3, 0.05))
     (tmp_path / "gears.toml").write_text(text)
-    with pytest.raises(InputError, match=message):
+    with refusal(message):
         Scene.load(tmp_path / "gears.toml")
 
 
@@ -119,13 +119,11 @@ def test_the_example_is_found_again():
     assert "95 % interval" in found.answer[1]
 
 
-OMEGA2 = 300.0
-TIMES = np.arange(8000) * 2.5e-4
-SINE = ((1, 0.3, 0.2),)
-TWO = ((1, 1.0, -1.0), (4, 0.12, 0.5))
-ERROR = 1.0 / math.sqrt(2.0 * 95.0)  # relative standard error of sigma from 95 periods
-UNITS = ("mm", "mm/s", "mm/s^2")
-SWING = tuple(0.3 * OMEGA2**power for power in range(3))  # of the sine in each unit
+ONE_SINE = ((1, 0.3, 0.2),)
+TWO_SINES = ((1, 1.0, -1.0), (4, 0.12, 0.5))
+SIGMA_ERROR = 1.0 / math.sqrt(2.0 * 95.0)  # relative standard error of sigma from 95 periods
+UNITS_OF_POWERS = ("mm", "mm/s", "mm/s^2")
+SWING = tuple(0.3 * OMEGA**power for power in range(3))  # of the sine in each unit
 
 
 def assert_exact(found, amplitude=0.3, order=1):
@@ -148,7 +146,7 @@ def assert_exact(found, amplitude=0.3, order=1):
 )
 def test_what_moves_slowly_is_no_order(quantity, extra):
     found = measure_drive(
-        measure(OMEGA2, SINE, TIMES, quantity=quantity, extra=extra), omega=OMEGA2
+        measure(OMEGA, ONE_SINE, TIMES, quantity=quantity, extra=extra), omega=OMEGA
     )
     assert_exact(found)
     assert found.left_out < 1e-3
@@ -173,7 +171,7 @@ def teeth(number=60, turns=100):
     angle = np.arange(0.0, turns * 2.0 * math.pi, 2.0 * math.pi / number)
     times = angle / 80.0
     for _ in range(50):
-        times = (angle - 0.01 * np.sin(OMEGA2 * times)) / 80.0
+        times = (angle - 0.01 * np.sin(OMEGA * times)) / 80.0
     return times
 
 
@@ -187,7 +185,7 @@ def teeth(number=60, turns=100):
     ids=["doubling", "missing-teeth", "teeth"],
 )
 def test_the_times_are_used_as_they_are(quantity, times):
-    found = measure_drive(measure(OMEGA2, SINE, times, quantity=quantity), omega=OMEGA2)
+    found = measure_drive(measure(OMEGA, ONE_SINE, times, quantity=quantity), omega=OMEGA)
     assert_exact(found)
     assert abs(found.amplitude - 0.3) < max(10.0 * found.table["se_mm"][0], 1e-7)
 
@@ -203,15 +201,15 @@ def test_the_times_are_used_as_they_are(quantity, times):
 def test_an_order_between_whole_ones_is_named_and_no_noise(quantity, order, cycle, ratio):
     power = QUANTITIES.index(quantity)
     size = 0.1 if ratio else 0.02
-    extra = moved(OMEGA2 * TIMES, power, ((order, size, 1.0),)) * OMEGA2**power
+    extra = moved(OMEGA * TIMES, power, ((order, size, 1.0),)) * OMEGA**power
     found = measure_drive(
-        measure(OMEGA2, SINE, TIMES, quantity=quantity, ratio=ratio, extra=extra), omega=OMEGA2
+        measure(OMEGA, ONE_SINE, TIMES, quantity=quantity, ratio=ratio, extra=extra), omega=OMEGA
     )
     said = next(remark for remark in found.remarks if "repeats only after" in remark)
     assert f"after {cycle} periods" in said
     assert f"order {order:.3g} " in said
     assert [one.order for one in found.drive] == [1]
-    assert found.sigma_ratio == pytest.approx(ratio, rel=4.0 * ERROR, abs=1e-5)
+    assert found.sigma_ratio == pytest.approx(ratio, rel=4.0 * SIGMA_ERROR, abs=1e-5)
     if ratio == 0.0:
         assert found.left_out == pytest.approx(0.02 * order**2 / 0.3, rel=0.02)
 
@@ -230,9 +228,9 @@ def test_bad_samples_are_named_and_decide_nothing(power, rows, ratio, jump):
     clean, found = (
         measure_drive(
             measure(
-                OMEGA2, SINE, TIMES, quantity=QUANTITIES[power], ratio=ratio, extra=extra, seed=3
+                OMEGA, ONE_SINE, TIMES, quantity=QUANTITIES[power], ratio=ratio, extra=extra, seed=3
             ),
-            omega=OMEGA2,
+            omega=OMEGA,
         )
         for extra in (0.0, spikes)
     )
@@ -242,25 +240,25 @@ def test_bad_samples_are_named_and_decide_nothing(power, rows, ratio, jump):
 
 
 def test_a_bad_stretch_costs_its_periods_alone():
-    speed = 800.0 + 20.0 * np.sin(OMEGA2 * TIMES)
+    speed = 800.0 + 20.0 * np.sin(OMEGA * TIMES)
     speed[4000:4060] = 0.0
     found = measure_drive(
-        write(TIMES, speed, "time [s],speed [rpm]"), omega=OMEGA2, driver_radius=30.0
+        write(TIMES, speed, "time [s],speed [rpm]"), omega=OMEGA, driver_radius=30.0
     )
-    assert_exact(found, amplitude=20.0 * math.pi / 30.0 * 30.0 / OMEGA2)
+    assert_exact(found, amplitude=20.0 * math.pi / 30.0 * 30.0 / OMEGA)
     assert "2 of 95 periods are left out, far off the others: line 3940 to 4023" in found.answer[-1]
 
 
 def drifting(power, ratio, wave, seed=1):
     """A file whose frequency is 1 + `wave` of its mean, and the range of the frequency."""
-    tau = OMEGA2 * np.concatenate([[0.0], np.cumsum(2.5e-4 * (1.0 + 0.5 * (wave[1:] + wave[:-1])))])
-    values = moved(tau, power, SINE)
+    tau = OMEGA * np.concatenate([[0.0], np.cumsum(2.5e-4 * (1.0 + 0.5 * (wave[1:] + wave[:-1])))])
+    values = moved(tau, power, ONE_SINE)
     if ratio:
-        values += wander(np.random.default_rng(seed), ratio, tau, power, SINE)
+        values += wander(np.random.default_rng(seed), ratio, tau, power, ONE_SINE)
     return write(
         TIMES,
-        values * (OMEGA2 * (1.0 + wave)) ** power,
-        f"time [s],{QUANTITIES[power]} [{UNITS[power]}]",
+        values * (OMEGA * (1.0 + wave)) ** power,
+        f"time [s],{QUANTITIES[power]} [{UNITS_OF_POWERS[power]}]",
     )
 
 
@@ -273,32 +271,32 @@ def drifting(power, ratio, wave, seed=1):
     ids=["ramp", "swing"],
 )
 def test_a_drifting_frequency_is_no_noise(power, ratio, wave):
-    found = measure_drive(drifting(power, ratio, wave), omega=OMEGA2)
+    found = measure_drive(drifting(power, ratio, wave), omega=OMEGA)
     assert found.amplitude == pytest.approx(0.3, rel=1e-4 + 0.5 * ratio)
-    assert found.sigma_ratio == pytest.approx(ratio, rel=4.0 * ERROR, abs=1e-5)
+    assert found.sigma_ratio == pytest.approx(ratio, rel=4.0 * SIGMA_ERROR, abs=1e-5)
     said = re.search(r"frequency runs from ([\d.]+) to ([\d.]+)", found.remarks[0])
-    limits = OMEGA2 * (1.0 + wave.min()), OMEGA2 * (1.0 + wave.max())
+    limits = OMEGA * (1.0 + wave.min()), OMEGA * (1.0 + wave.max())
     assert [float(said[1]), float(said[2])] == pytest.approx(limits, rel=1e-4 + 0.05 * ratio)
 
 
 @pytest.mark.parametrize(("exact", "stated"), [(50.5, 50), (99.0, 100)])
 def test_a_wrong_number_of_periods_is_corrected_and_said(exact, stated):
-    times = np.arange(round(exact * 2.0 * math.pi / OMEGA2 / 2.5e-4)) * 2.5e-4
-    found = measure_drive(measure(OMEGA2, SINE, times), periods=stated)
+    times = np.arange(round(exact * 2.0 * math.pi / OMEGA / 2.5e-4)) * 2.5e-4
+    found = measure_drive(measure(OMEGA, ONE_SINE, times), periods=stated)
     assert_exact(found)
-    assert found.omega == pytest.approx(OMEGA2, rel=1e-6)
+    assert found.omega == pytest.approx(OMEGA, rel=1e-6)
     assert f"The file has {exact:.4g} periods, not the {stated}"[:20] in found.remarks[-1]
 
 
 def measure_often(quantity, ratio, seeds):
     """What is found in made measurements of 30 periods with some noise of the measurement."""
-    times = 2.0 * math.pi / OMEGA2 / 40.0 * np.arange(40 * 30)
-    own = 2e-4 * OMEGA2 ** QUANTITIES.index(quantity)
+    times = 2.0 * math.pi / OMEGA / 40.0 * np.arange(40 * 30)
+    own = 2e-4 * OMEGA ** QUANTITIES.index(quantity)
     texts = (
-        measure(OMEGA2, TWO, times, quantity=quantity, ratio=ratio, seed=s, noise=own)
+        measure(OMEGA, TWO_SINES, times, quantity=quantity, ratio=ratio, seed=s, noise=own)
         for s in range(seeds)
     )
-    return [measure_drive(text, omega=OMEGA2) for text in texts]
+    return [measure_drive(text, omega=OMEGA) for text in texts]
 
 
 def assert_coverage(quantity, ratio, seeds):
@@ -342,27 +340,31 @@ CLEAN = noisy(3, 0.0, periods=20)
     ("text", "settings", "message"),
     [
         (CLEAN, {}, "gears.omega = None: give the frequency"),
-        (CLEAN, {"omega": 1.3 * OMEGA}, "is not in the file"),
-        (measure(OMEGA2, SINE, TIMES), {"periods": 66}, "drive.periods = 66: is not in the file"),
-        (CLEAN, {"omega": OMEGA, "periods": 19}, "periods = 19: would be a frequency of"),
-        (CLEAN, {"omega": OMEGA, "highest_order": 0}, "highest_order = 0"),
+        (CLEAN, {"omega": 1.3 * SLOW_OMEGA}, "is not in the file"),
+        (
+            measure(OMEGA, ONE_SINE, TIMES),
+            {"periods": 66},
+            "drive.periods = 66: is not in the file",
+        ),
+        (CLEAN, {"omega": SLOW_OMEGA, "periods": 19}, "periods = 19: would be a frequency of"),
+        (CLEAN, {"omega": SLOW_OMEGA, "highest_order": 0}, "highest_order = 0"),
         (
             CLEAN.replace("mm/s", "rad/s"),
-            {"omega": OMEGA},
+            {"omega": SLOW_OMEGA},
             "driver_radius = None: give it, in mm, for a drive in rad/s",
         ),
         (
             write(TIMES, 0.0 * TIMES + 3.0),
-            {"omega": OMEGA},
+            {"omega": SLOW_OMEGA},
             r"displacement = 3\.0: is the same in all rows",
         ),
         (
             write(TIMES, np.random.default_rng(1).normal(size=8000)),
-            {"omega": OMEGA2},
+            {"omega": OMEGA},
             "is not in the file",
         ),
     ],
 )
 def test_what_holds_no_such_motion_is_refused(text, settings, message):
-    with pytest.raises(InputError, match=message):
+    with refusal(message):
         measure_drive(text, **settings)

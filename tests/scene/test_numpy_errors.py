@@ -5,13 +5,12 @@ import inspect
 
 import numpy as np
 import pytest
+from scenes import dat21
 
 import rattle
 from rattle import (
-    DAT21,
     Closure,
     Record,
-    Scene,
     mean_map,
     simulate,
     simulate_to,
@@ -19,11 +18,11 @@ from rattle import (
 )
 from rattle.montecarlo import simulate_rare
 
-SOFT = Scene.from_gears(DAT21, sigma=0.01)
-RECORD = Record(histogram=True, energy=True, on_itinerary=True, times=[0.3, 0.8])
+SOFT = dat21(0.01)
+ALL_RECORDS = Record(histogram=True, energy=True, on_itinerary=True, times=[0.3, 0.8])
 COMPUTE = {
     "mean_map": lambda scene: mean_map(scene, impacts=3, closure="branching"),
-    "simulate": lambda scene: simulate(scene, paths=2000, impacts=3, record=RECORD),
+    "simulate": lambda scene: simulate(scene, paths=2000, impacts=3, record=ALL_RECORDS),
     "simulate_to": lambda scene: simulate_to(scene, 0.05, impacts=3, budget=20.0),
     "simulate_rare": lambda scene: simulate_rare(scene, impacts=3, paths=4096),
     "validate": lambda scene: validate(scene, impacts=3, paths=2000),

@@ -16,7 +16,7 @@ AT_ONCE = (
     " progress.QUIET = progress.BETWEEN = progress.LINE_TICK = 0.005\n"
 )
 RUN = AT_ONCE + "from rattle.compare.cli.main import main; main({words})"
-HELD = """
+HOLDING = """
 import sys
 from rattle.compare.cli.main import main
 from rattle.scene.progress import ProgressBar
@@ -50,7 +50,7 @@ print("answer")
 
 def test_a_command_says_what_it_does_before_it_answers():
     """A pipe is read while it runs: it is told to go on only after it has said where it is."""
-    with start("-c", AT_ONCE + HELD) as held:
+    with start("-c", AT_ONCE + HOLDING) as held:
         seen = [held.stderr.readline()]
         while "holding: 0 of 4 stones" not in seen[-1]:
             seen.append(held.stderr.readline())

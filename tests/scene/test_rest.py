@@ -3,16 +3,11 @@
 import math
 from dataclasses import replace
 
-import numba
 import pytest
-from scenes import STICKING
+from needs import COMPILED
+from scenes import STICKING, dat21
 
-from rattle import Order, follow, mean_map, rattle_threshold
-from rattle.scene import DAT21, Gears, Scene, Start
-
-COMPILED = pytest.mark.skipif(
-    bool(numba.config.DISABLE_JIT), reason="takes minutes with the compiler off"
-)
+from rattle import Gears, Order, Scene, Start, follow, mean_map, rattle_threshold
 
 SINGLE = STICKING["one stage"]
 
@@ -62,12 +57,10 @@ def test_the_orbit_goes_on_and_linearisations_stop_at_sticking():
     assert 0 < m.trace.found <= first
 
 
-THREE = (Order(1, 1.0), Order(2, 0.4, 0.7), Order(5, 0.08, -1.1))
-SCENES = {
+THREE_ORDERS = (Order(1, 1.0), Order(2, 0.4, 0.7), Order(5, 0.08, -1.1))
+NEAR_THRESHOLD = {
     "one stage": Scene(alpha=1.5, epsilon=0.4, beta1=0.3, gamma1=1.0, stages=1),
-    "two stages, three orders": replace(
-        Scene.from_gears(DAT21), epsilon=0.3, gears=None, drive=THREE
-    ),
+    "two stages, three orders": replace(dat21(), epsilon=0.3, gears=None, drive=THREE_ORDERS),
 }
 
 
@@ -80,10 +73,10 @@ def dragged(scene, factor, wheel):
     return replace(scene, gamma1=rattle_threshold(scene)[0].least * (factor if wheel == 1 else 1.5))
 
 
-@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize("name", NEAR_THRESHOLD)
 def test_closed_teeth_open_just_below_it_and_stay_closed_just_above(name):
     """A planted error of half a percent would be seen."""
-    scene = SCENES[name]
+    scene = NEAR_THRESHOLD[name]
     for wheel in range(1, scene.stages + 1):
         below = dragged(scene, 0.995, wheel)
         above = dragged(scene, 1.005, wheel)

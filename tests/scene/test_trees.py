@@ -11,11 +11,10 @@ from oracle import gearbox
 from scenes import STICKING, TREES, tree
 from scipy.integrate import solve_ivp
 
-from rattle.scene import Scene, Start, Wheel
+from rattle import Scene, Start, Wheel, follow
 from rattle.scene.drive import velocity_acceleration
 from rattle.scene.impact import energy_loss, next_impact, strike
 from rattle.scene.long_orbit import LongOrbit, attractor
-from rattle.scene.orbit import follow
 from rattle.scene.sticking import (
     CHATTER_LIMIT,
     as_bodies,
@@ -25,13 +24,13 @@ from rattle.scene.sticking import (
 )
 from rattle.scene.types import BODY
 
-IMPACTS = 40
+TREE_IMPACTS = 40
 
 
 @cache
 def orbit_of(name):
-    orbit = follow(TREES[name], IMPACTS)
-    assert (orbit.found, orbit.sticking) == (IMPACTS, ())
+    orbit = follow(TREES[name], TREE_IMPACTS)
+    assert (orbit.found, orbit.sticking) == (TREE_IMPACTS, ())
     return orbit
 
 
@@ -60,10 +59,10 @@ def test_flights_and_impacts_are_those_of_the_oracle(name):
     orbit = orbit_of(name)
     struck = (orbit.mesh[1:], 2 * orbit.mesh[1:] - 2)
     assert set(struck[0]) == set(range(1, TREES[name].stages + 1))
-    assert (abs(orbit.before[range(1, IMPACTS + 1), struck[1]])).tolist() == [
+    assert (abs(orbit.before[range(1, TREE_IMPACTS + 1), struck[1]])).tolist() == [
         orbit.constants.wheels[mesh - 1].wall for mesh in struck[0]
     ]
-    assert flight_errors(orbit, gearbox(orbit.constants), IMPACTS) < 1e-10
+    assert flight_errors(orbit, gearbox(orbit.constants), TREE_IMPACTS) < 1e-10
     wrong = gearbox(with_ratio(TREES[name], 1.0 + 1e-7).constants)  # negative control
     assert flight_errors(orbit, wrong, 10) > 1e-10
 
@@ -252,7 +251,7 @@ def test_neighbours_grow_by_the_determinants_of_flights_and_impacts(name):
     """The Lyapunov exponents add up: a flight shrinks volumes by its dampings, an impact by
     epsilon squared."""
     run = LongOrbit(TREES[name])
-    stretch = run.stretch(IMPACTS)
+    stretch = run.stretch(TREE_IMPACTS)
     wheels = run.c.wheels
     assert stretch.flight == pytest.approx(orbit_of(name).flight[1:], abs=1e-9)
     struck = wheels["epsilon"][abs(stretch.code) - 1]

@@ -3,11 +3,11 @@
 from dataclasses import replace
 
 import pytest
+from scenes import dat21
 
-from rattle import DAT21, Scene, Wheel
+from rattle import Scene, Start, Wheel
 from rattle.compare.validation.transient import describe_transient
 from rattle.scene.long_orbit import REST_FOR_GOOD, attractor
-from rattle.scene.parts import Start
 
 BALL = Scene(
     alpha=0.0,
@@ -30,7 +30,7 @@ BALL = Scene(
 )
 def test_a_text_about_gears_is_put_into_words_of_bodies(text, expected):
     assert BALL.words.put_into(text) == expected
-    assert Scene.from_gears(DAT21).words.put_into(text) == text
+    assert dat21().words.put_into(text) == text
 
 
 def test_a_scene_knows_what_its_parts_are_called():

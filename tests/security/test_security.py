@@ -6,12 +6,11 @@ from pathlib import Path
 from commands import study
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from places import ROOT
 from programs import python
 
 from rattle.compare.report.folder import default_place
 from rattle.compare.thresholds.fixture import baseline_path
-
-ROOT = Path(__file__).resolve().parents[2]
 
 
 def test_every_dependency_is_pinned_by_name_and_hash():

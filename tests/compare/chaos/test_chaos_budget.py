@@ -5,14 +5,15 @@ import math
 
 import numpy as np
 import pytest
+from scenes import dat21
 
-from rattle import DAT21, Scene, chaos
+from rattle import chaos
 from rattle.compare.chaos import effort
 from rattle.compare.chaos.effort import Effort, Sizes
 from rattle.compare.chaos.exponents import ORBIT, Exponents
 from rattle.compare.chaos.record import STICKS_OFTEN, Regime
 
-SCENES = dict.fromkeys(np.linspace(0.1, 2.0, 100).tolist(), Scene.from_gears(DAT21))
+SWEPT_SCENES = dict.fromkeys(np.linspace(0.1, 2.0, 100).tolist(), dat21())
 
 
 def exponents(regime, half):
@@ -27,11 +28,11 @@ def choose(budget, noisy_steps, end=""):
     longest = sizes.longest()
     orbit = exponents(Regime(impacts=40_000, computed=41_000, end=end), 0.001)
     path = exponents(Regime(impacts=40_000, computed=40_000, steps=noisy_steps), 0.001)
-    sizes.count_exponents(Scene.from_gears(DAT21), orbit, path)
+    sizes.count_exponents(dat21(), orbit, path)
     points = sizes.points()
     impacts, segments = sizes.spectra()
     events = sizes.events()
-    scenes, at_value = sizes.sweep(SCENES)
+    scenes, at_value = sizes.sweep(SWEPT_SCENES)
     spent = effort.CHAOS_SHARE * budget - sizes.left
     return sizes, spent, (longest, points, impacts, segments, events, len(scenes), at_value)
 
@@ -51,7 +52,7 @@ def test_the_counted_work_stays_within_the_budget(noisy_steps, end):
 
 
 def test_a_small_budget_gives_less_and_says_so():
-    found = chaos(Scene.from_gears(DAT21, sigma=0.5), over=(0.5, 1.0, 1.5), budget=0.5)
+    found = chaos(dat21(0.5), over=(0.5, 1.0, 1.5), budget=0.5)
     assert sorted(found.sweep["alpha"].unique()) == [0.5, 1.5]
     assert np.isfinite(found.orbit.half).all()
     assert found.answer[-1] == found.reduced

@@ -1,30 +1,29 @@
 """The folder of ``rattle chaos``, and what it says is missing."""
 
-import json
-
 import pandas as pd
 import pytest
-from commands import rattle
+from commands import manifest_of, rattle
+from places import ORDINARY_PAIR
 
-FILES = (
+CHAOS_FILES = (
     "manifest.json chaos.md chaos.html"
     " section.svg spectra.svg sweep.svg bifurcation.svg finite_size.svg sqrt_law.svg"
     " exponents.csv mean_maps.csv lines.csv spectra_summary.csv fsle.csv crossings.csv sqrt_law.csv"
     " sweep.csv sections.parquet spectra.parquet bifurcation.parquet"
 )
-SMALL = "chaos --points 2000 --impacts 40000 --events 300 --width 0.2"
+SMALL_CHAOS = "chaos --points 2000 --impacts 40000 --events 300 --width 0.2"
 
 
 @pytest.mark.slow
 def test_a_folder_of_chaos_is_whole_and_said_in_a_few_lines(tmp_path):
     out = tmp_path / "chaos"
-    done = rattle(f"{SMALL} --over alpha=0.3:1.5:3 --out {out}")
-    assert {path.name for path in out.iterdir()} == set(FILES.split())
+    done = rattle(f"{SMALL_CHAOS} --over alpha=0.3:1.5:3 --out {out}")
+    assert {path.name for path in out.iterdir()} == set(CHAOS_FILES.split())
     assert all(path.stat().st_size < 300_000 for path in out.glob("*.svg"))
     exponents = pd.read_csv(out / "exponents.csv")
     sweep = pd.read_csv(out / "sweep.csv")
     assert sorted(sweep["alpha"].unique()) == [0.3, 0.9, 1.5]
-    answer = json.loads((out / "manifest.json").read_text())["answer"]
+    answer = manifest_of(out)["answer"]
     assert answer == done.stdout.splitlines()[:-1]
     assert len(answer) < 10
     largest = exponents.query("of == 'orbit'")["value"].max()
@@ -37,7 +36,7 @@ def test_one_stage_and_weak_noise_say_what_is_missing(tmp_path):
     values = "alpha = 1.5\nepsilon = 0.9\nbeta1 = 0.083\ngamma1 = 0.057\nsigma = 0.01\nstages = 1"
     scene.write_text(f"[scene]\n{values}\n")
     out = tmp_path / "out"
-    assert "too weak" in rattle(f"{SMALL} {scene} --no-sweep --out {out}").output
+    assert "too weak" in rattle(f"{SMALL_CHAOS} {scene} --no-sweep --out {out}").output
     page = (out / "chaos.md").read_text(encoding="utf-8")
     assert "per second" not in page  # it was not made from gears
     assert not (out / "sweep.csv").exists()
@@ -46,10 +45,10 @@ def test_one_stage_and_weak_noise_say_what_is_missing(tmp_path):
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("undrawn")
-def test_what_gears_that_stick_do_not_have_is_left_out_with_its_reason(pair, tmp_path):
+def test_what_gears_that_stick_do_not_have_is_left_out_with_its_reason(tmp_path):
     out = tmp_path / "out"
     least = "chaos --points 500 --impacts 20000 --events 128 --width 0.5"
-    printed = rattle(f"{least} {pair} --no-sweep --out {out}").output
+    printed = rattle(f"{least} {ORDINARY_PAIR} --no-sweep --out {out}").output
     for text in (printed, (out / "chaos.md").read_text(encoding="utf-8")):
         assert "the spectra of the orbit (the orbit sticks often)" in text
         assert "give " not in text

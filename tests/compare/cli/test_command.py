@@ -2,34 +2,29 @@
 
 import hashlib
 import json
-from pathlib import Path
 
 import pandas as pd
 import pytest
-from commands import rattle
+from commands import manifest_of, rattle
+from places import ROOT
+from scenes import dat21
 
-from rattle.scene import DAT21, Scene, Start
+from rattle import Start
 
-ROOT = Path(__file__).parents[3]
-SMALL = "validate --paths 600 --impacts 3 --dt 0.01 --no-validity"
-FILES = (
+SMALL_REPORT = "validate --paths 600 --impacts 3 --dt 0.01 --no-validity"
+REPORT_FILES = (
     "manifest.json report.md report.html figures table.csv correlation.csv leaving.csv validity.csv"
     " speed.csv simulation.csv schemes.csv table.parquet validity.parquet"
 )
 
 
-def read(folder):
-    """The manifest of a report."""
-    return json.loads((folder / "manifest.json").read_text())
-
-
 def test_report_folder_is_complete(validated):
-    assert {path.name for path in validated.iterdir()} == set(FILES.split())
+    assert {path.name for path in validated.iterdir()} == set(REPORT_FILES.split())
     assert len(list((validated / "figures").glob("*.svg"))) == 2 * 3 + 2
 
 
 def test_page_begins_with_the_answer(validated):
-    answer = read(validated)["answer"]
+    answer = manifest_of(validated)["answer"]
     page = (validated / "report.md").read_text()
     assert "| accurate up to impact | not shown wrong up to |" in page
     places = [answer[0], "figures/validity.svg", answer[1], answer[-1], "##"]
@@ -38,7 +33,7 @@ def test_page_begins_with_the_answer(validated):
 
 def test_show_says_what_the_report_says(validated):
     shown = rattle(f"show {validated} --width 5000").stdout
-    record = read(validated)
+    record = manifest_of(validated)
     for sentence in (*record["answer"], record["repeat"], record["table_sha256"]):
         assert sentence.replace("`", "") in shown
 
@@ -60,23 +55,25 @@ def test_repeats_bit_for_bit_for_any_workers_and_says_its_rows_in_json(validated
 @pytest.mark.usefixtures("undrawn")
 def test_what_is_required_is_not_met_and_a_range_of_validity_is_left_out(tmp_path):
     out = tmp_path / "report"
-    rattle(f"{SMALL} --sigma 1.0 --closure saltation --require accurate --out {out}", code=3)
+    rattle(f"{SMALL_REPORT} --sigma 1.0 --closure saltation --require accurate --out {out}", code=3)
     assert not {"validity.csv", "speed.csv"} & {path.name for path in out.iterdir()}
     assert "validity.svg" not in (out / "report.md").read_text()
-    rattle(f"{SMALL} --sigma 0 --closure corrected --require accurate --out {tmp_path / 'yes'}")
+    rattle(
+        f"{SMALL_REPORT} --sigma 0 --closure corrected --require accurate --out {tmp_path / 'yes'}"
+    )
 
 
 @pytest.mark.usefixtures("undrawn")
 def test_a_closure_that_cannot_take_the_scene_is_named_with_the_reason(tmp_path):
     file = tmp_path / "flying.toml"
     out = tmp_path / "report"
-    flying = Scene.from_gears(DAT21, sigma=0.1, start=Start(0.0, 0.1, 1.0, 0.1, -1.0))
+    flying = dat21(0.1, start=Start(0.0, 0.1, 1.0, 0.1, -1.0))
     file.write_text(flying.to_toml())
-    printed = rattle(f"{SMALL} {file} --out {out}").stdout
+    printed = rattle(f"{SMALL_REPORT} {file} --out {out}").stdout
     why = "start.mesh = 0: the published closure needs a start at mesh 1 (Eq. 10)"
     for text in (printed, (out / "report.md").read_text()):
         assert f"Left out: `published` ({why})." in text
-    refused = rattle(f"{SMALL} {file} --closure published --out {tmp_path / 'none'}", code=2)
+    refused = rattle(f"{SMALL_REPORT} {file} --closure published --out {tmp_path / 'none'}", code=2)
     assert "start.mesh = 0" in refused.stderr
 
 
@@ -88,6 +85,6 @@ def test_a_folder_with_other_things_is_not_replaced(tmp_path):
 
 def test_the_committed_report_has_the_table_of_its_manifest():
     folder = ROOT / "reports" / "dat21"
-    record = read(folder)
+    record = manifest_of(folder)
     digest = hashlib.sha256((folder / "table.csv").read_bytes()).hexdigest()
     assert digest == record["table_sha256"]

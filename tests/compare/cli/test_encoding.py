@@ -7,7 +7,7 @@ import sys
 from commands import study
 from programs import python, surroundings
 
-CODE = """
+SPEAK = """
 import sys
 from rattle.compare.cli.main import main
 from rattle.compare.cli.shared import say
@@ -24,7 +24,7 @@ main(["speak"])
 
 
 def test_no_command_fails_on_a_character():
-    done = python("-c", CODE, PYTHONIOENCODING="cp1252:strict", PYTHONUTF8="0")
+    done = python("-c", SPEAK, PYTHONIOENCODING="cp1252:strict", PYTHONUTF8="0")
     assert "\\u2713" in done.stdout
 
 

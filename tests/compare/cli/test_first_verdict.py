@@ -1,14 +1,14 @@
 """``rattle validate`` answers for the file's own noise first, and its sweep over σ follows a
 budget."""
 
-import json
 import re
 
 import pandas as pd
 import pytest
-from commands import rattle
+from commands import manifest_of, rattle
+from scenes import dat21
 
-from rattle import DAT21, Scene, validate
+from rattle import validate
 
 SWEPT = (
     "validate --sigma 0.1 --paths 600 --impacts 2 --closure saltation --over sigma=1e-3:1:5"
@@ -29,7 +29,7 @@ def test_an_interrupt_of_the_sweep_leaves_a_whole_page_that_says_what_is_missing
     assert done.stdout.startswith("For this gear pair")
     unfinished = f"the page is written, without the range of validity: {out / 'report.html'}"
     assert unfinished in done.stderr
-    record = json.loads((out / "manifest.json").read_text())
+    record = manifest_of(out)
     assert record["answer"][-1].startswith("The range of validity over σ is missing: ")
     assert record["answer"][-1] in (out / "report.md").read_text()
     again = rattle(f"validate --repeat {out / 'manifest.json'} --out {tmp_path / 'again'}")
@@ -54,7 +54,7 @@ def test_each_sentence_is_printed_once(small_report):
 
 
 def test_fixed_times_can_be_left_out():
-    scene = Scene.from_gears(DAT21, sigma=0.1)
+    scene = dat21(0.1)
     settings = {"impacts": 2, "paths": 600, "closures": ["saltation"]}
     whole = validate(scene, **settings).table
     section = validate(scene, fixed_times=False, **settings).table

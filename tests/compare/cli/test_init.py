@@ -5,14 +5,12 @@ import math
 import re
 import tomllib
 from dataclasses import fields
-from pathlib import Path
 
 import pytest
 from commands import rattle
+from places import EXAMPLES
 
 from rattle import DAT21, Gears, Scene, Start, Tolerance, rattle_threshold
-
-EXAMPLES = Path(__file__).parents[3] / "examples"
 
 
 @pytest.fixture

@@ -7,18 +7,18 @@ import numpy as np
 import pandas as pd
 import pytest
 from commands import commands, rattle, strict, study
+from places import ROOT
 
 from rattle.compare.checks import extremes
 from rattle.compare.checks.extremes import extreme
 from rattle.compare.report.json_text import json_text, plain
 from rattle.compare.report.save import csv_text
 
-ROOT = Path(__file__).resolve().parents[3]
 GEARBOX = ROOT / "examples" / "gearbox.toml"
-SINGLE = (
+SINGLE_STAGE = (
     "[scene]\nalpha = 1.5\nepsilon = 0.9\nbeta1 = 0.08\ngamma1 = 0.05\nstages = 1\nsigma = 0.1\n"
 )
-SMALL = {
+SMALL_RUNS = {
     "validate": "--paths 64 --impacts 2 --dt 0.01 --no-validity --sigma 0.1 --out out",
     "simulate": "scene.toml --paths 64 --impacts 2 --dt 0.01",
     "check order": "--impacts 1 --paths 64",
@@ -38,16 +38,16 @@ SMALL = {
 
 def test_these_are_all_commands_with_json():
     with_json = {name for name, made in commands() if any("--json" in p.opts for p in made.params)}
-    assert with_json == {*SMALL, "assess"}
+    assert with_json == {*SMALL_RUNS, "assess"}
 
 
 @pytest.mark.usefixtures("undrawn")
-@pytest.mark.parametrize("command", SMALL)
+@pytest.mark.parametrize("command", SMALL_RUNS)
 def test_every_command_prints_strict_json_and_writes_it(command, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "study.toml").write_text(study("σ \\u202e\\u009b", sigma=(0.0, 0.1)))
     # without a second stage, and so without numbers for it
-    (tmp_path / "scene.toml").write_text(SINGLE)
+    (tmp_path / "scene.toml").write_text(SINGLE_STAGE)
     (tmp_path / "predicted.csv").write_text("time,x,sd_x\n0.5,1.0,2.0\n")
     (tmp_path / "samples.csv").write_text("path,time,x\n0,0.5,1.0\n1,0.5,2.0\n")
     about = {"name": "lost", "quantity": "β", "statement": "", "reference": ""}
@@ -56,7 +56,7 @@ def test_every_command_prints_strict_json_and_writes_it(command, tmp_path, monke
     speeds = pd.DataFrame({"ns": [1.5, np.nan]}, index=["a", "b"])
     monkeypatch.setattr("rattle.montecarlo.bench.bench", lambda: speeds)
     code = 1 if command == "check extremes" else 0
-    assert strict(rattle(f"{command} {SMALL[command]} --json", code=code).stdout)
+    assert strict(rattle(f"{command} {SMALL_RUNS[command]} --json", code=code).stdout)
     for path in tmp_path.rglob("*.json"):
         strict(path.read_text(encoding="utf-8"))
 

@@ -6,13 +6,13 @@ import json
 import unicodedata
 from contextlib import redirect_stdout
 from inspect import signature
-from pathlib import Path
 
 import pytest
 from click.shell_completion import ShellComplete
 from commands import commands, rattle
 from hypothesis import given
 from hypothesis import strategies as st
+from places import EXAMPLES
 
 from rattle import DAT21, Scene, boundary, boundary_map, simulate
 from rattle.closure import CLOSURES
@@ -30,7 +30,7 @@ from rattle.montecarlo.accuracy.simulate_to import INSTEAD
 from rattle.montecarlo.long_run.run import ASKED, LONG_RUN_ACCURACY, LONG_RUN_PATHS, SET_PATHS
 from rattle.montecarlo.schemes.quiet import QUIET_SHARE
 
-EXAMPLES = sorted((Path(__file__).parents[3] / "examples").glob("*.toml"))
+EXAMPLE_FILES = sorted(EXAMPLES.glob("*.toml"))
 
 
 def complete(words, begin=""):
@@ -62,7 +62,7 @@ def test_simulate_in_physical_units(tmp_path):
     assert "tau_ms" in (tmp_path / "table.csv").read_text()
 
 
-@pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", EXAMPLE_FILES, ids=lambda path: path.stem)
 def test_an_example_loads_and_simulates(path):
     scene = Scene.load(path)
     run = simulate(scene, paths=64, impacts=3, rng=1)
@@ -83,7 +83,7 @@ def test_whatever_is_said_is_one_line(text):
     assert is_plain(out.getvalue()[:-1])
 
 
-STEP = (
+STEP_DEFAULT = (
     f"the scheme's, {default_step(Scene.from_gears(DAT21), 'euler-maruyama'):g} for Euler-Maruyama"
 )
 DEFAULTS = signature(boundary).parameters
@@ -99,7 +99,7 @@ REAL = {
         f"half its value to twice it, {signature(boundary_map).parameters['values'].default} values"
     ),
     "sensitivity --accuracy": f"{EFFECT_ACCURACY:g}",
-    "simulate --dt": STEP,
+    "simulate --dt": STEP_DEFAULT,
     "simulate --budget": f"an hour; beyond it the answer is what {INSTEAD:g} s give",
     "stationary --accuracy": f"{LONG_RUN_ACCURACY:g}",
     "stationary --budget": f"{STATIONARY_BUDGET:g}; with --periods refused above an hour",
@@ -109,7 +109,7 @@ REAL = {
     "stationary --quantity": ", ".join(ASKED),
     "stationary --resolve": f"slow / {1.0 / QUIET_SHARE:g}",
     "tradeoff --accuracy": f"{ACCURACIES[0]:g} to {ACCURACIES[-1]:g}",
-    "validate --dt": STEP,
+    "validate --dt": STEP_DEFAULT,
 }
 """Defaults that a help text states in words of its own and that hold a number or a name."""
 

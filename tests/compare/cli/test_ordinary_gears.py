@@ -1,12 +1,10 @@
 """Every command that takes a scene, on an engineer's gear pair, whose motion sticks."""
 
-from pathlib import Path
-
 import pytest
 from commands import commands, rattle
+from places import ORDINARY_PAIR
 
-HERE = Path(__file__).parent
-SMALL = {
+SMALL_ON_PAIR = {
     "animate": "--impacts 5 --out",
     "assess": "--budget 5 --out",
     "boundary": "--impacts 2 --over sigma=0.001:2:3 --width 0.4 --out",
@@ -19,23 +17,23 @@ SMALL = {
     "tradeoff": "--impacts 2 --budget 0.2 --no-orders --accuracy 0.3 --out",
     "validate": "--impacts 3 --paths 2000 --no-validity --out",
 }
-QUICK = ("animate", "check order", "simulate", "validate")
-CASES = [
-    command if command in QUICK else pytest.param(command, marks=pytest.mark.slow)
-    for command in SMALL
+QUICK_COMMANDS = ("animate", "check order", "simulate", "validate")
+COMMANDS_ON_PAIR = [
+    command if command in QUICK_COMMANDS else pytest.param(command, marks=pytest.mark.slow)
+    for command in SMALL_ON_PAIR
     if command != "chaos"  # which runs on the pair in tests/compare/chaos
 ]
 
 
 def test_these_are_all_commands_that_take_a_scene():
     takes = {name for name, command in commands() if any(p.name == "scene" for p in command.params)}
-    assert takes == set(SMALL)
+    assert takes == set(SMALL_ON_PAIR)
 
 
 @pytest.mark.usefixtures("undrawn")
-@pytest.mark.parametrize("command", CASES)
-def test_every_command_runs(command, pair, tmp_path):
-    words = f"{command} {pair} {SMALL[command]}"
+@pytest.mark.parametrize("command", COMMANDS_ON_PAIR)
+def test_every_command_runs(command, tmp_path):
+    words = f"{command} {ORDINARY_PAIR} {SMALL_ON_PAIR[command]}"
     if not words.endswith("--out"):
         rattle(words)
         return

@@ -1,11 +1,13 @@
 """The one spelling of a range of values."""
 
 import pytest
+from refusals import refusal
+from scenes import dat21
 
-from rattle import DAT21, InputError, Scene
+from rattle import Scene
 from rattle.compare.cli.ranges import RangeType
 
-SCENE = Scene.from_gears(DAT21, sigma=0.1)
+RANGED = dat21(0.1)
 
 
 def read(text):
@@ -22,10 +24,10 @@ def read(text):
     ],
 )
 def test_values_of_a_range(text, values):
-    assert read(text).values(SCENE, points=3) == pytest.approx(values, rel=1e-15)
+    assert read(text).values(RANGED, points=3) == pytest.approx(values, rel=1e-15)
 
 
 def test_a_name_alone_needs_a_value_to_go_around():
     single = Scene(alpha=0.5, epsilon=0.9, beta1=0.0, gamma1=0.1, stages=1)
-    with pytest.raises(InputError, match=r"beta1 = 0\.0: is not above 0 in this scene"):
+    with refusal(r"beta1 = 0\.0: is not above 0 in this scene"):
         read("beta1").values(single, points=3)

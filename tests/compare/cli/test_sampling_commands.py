@@ -6,9 +6,9 @@ from dataclasses import replace
 import pandas as pd
 import pytest
 from commands import rattle
-from scenes import TREES
+from scenes import FOUR, dat21
 
-from rattle import DAT21, Scene, Tolerance, mean_map, simulate, stationary
+from rattle import Tolerance, mean_map, simulate, stationary
 from rattle.closure import CLOSURES
 from rattle.compare.warm_up import tasks
 from rattle.montecarlo import SCHEMES, simulate_rare
@@ -27,7 +27,7 @@ def test_simulate_prints_moments_and_writes_the_whole_table(tmp_path):
 def test_a_table_of_many_wheels_continues_below_and_says_which_wheel_is_which(
     tmp_path, monkeypatch
 ):
-    scene = TREES["tree of 4"]
+    scene = FOUR
     wheels = [replace(wheel, name=name) for wheel, name in zip(scene.wheels, "abcd", strict=True)]
     (tmp_path / "tree.toml").write_text(replace(scene, wheels=wheels).to_toml())
     words = f"simulate {tmp_path / 'tree.toml'} --paths 64 --impacts 2"
@@ -77,16 +77,16 @@ def test_after_warming_up_nothing_is_compiled():
         task()
     before = progress.compiler.functions
     for scene in (
-        Scene.from_gears(DAT21, sigma=0.3),
-        Scene.from_gears(DAT21, sigma=0.3, stages=1),
-        Scene.from_gears(DAT21, sigma=0.02, tolerance=Tolerance(1e-3, 2e-3)),
+        dat21(0.3),
+        dat21(0.3, stages=1),
+        dat21(0.02, tolerance=Tolerance(1e-3, 2e-3)),
     ):
         for name in CLOSURES:
             mean_map(scene, impacts=3, closure=name)
         for name in SCHEMES:
             simulate(scene, paths=40, impacts=3, scheme=name)
         stationary(scene, paths=16, periods=64, closures=())
-    simulate_rare(Scene.from_gears(DAT21, sigma=0.1), paths=32_768, impacts=3)
+    simulate_rare(dat21(0.1), paths=32_768, impacts=3)
     assert progress.compiler.functions == before
 
 

@@ -1,16 +1,19 @@
 """Searches that are soon done, and judges of known functions."""
 
-from rattle import DAT21, Scene, boundary, boundary_map, crossing
+from scenes import dat21
+
+from rattle import boundary, boundary_map, crossing
 from rattle.compare.judge.verdict import DECIDED, Verdict
 from rattle.compare.parameters.page import make_report
 from rattle.compare.parameters.search import JudgedValue, find_changes
 from rattle.compare.report.save import save
 
-QUIET = Scene.from_gears(DAT21)
+QUIET = dat21()
 LOUD = QUIET.with_sigma(0.5)
-SMALL = {"points": 4, "width": 0.3, "rng": 3}
+WEAK = QUIET.with_sigma(0.01)
+QUICK_SEARCH = {"points": 4, "width": 0.3, "rng": 3}
 SEARCHES = {
-    "boundary": (boundary, QUIET, {"impacts": 3, **SMALL}),
+    "boundary": (boundary, QUIET, {"impacts": 3, **QUICK_SEARCH}),
     "crossing": (
         crossing,
         LOUD,
@@ -27,7 +30,7 @@ SEARCHES = {
     "map": (
         boundary_map,
         QUIET,
-        {"along": "alpha", "reach": (0.4, 1.5), "values": 2, "impacts": 2, **SMALL},
+        {"along": "alpha", "reach": (0.4, 1.5), "values": 2, "impacts": 2, **QUICK_SEARCH},
     ),
 }
 

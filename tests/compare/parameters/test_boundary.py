@@ -9,11 +9,12 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
+from scenes import RARE
 from searches import QUIET, run, search, verdicts
 
-from rattle import DAT21, Scene, Tolerances, boundary
+from rattle import Tolerances, boundary
+from rattle.compare import Boundary
 from rattle.compare.judge.verdict import Verdict
-from rattle.compare.parameters.boundary import Boundary
 from rattle.compare.parameters.search import (
     MOST_VALUES,
     PATHS_OF_LOOKS,
@@ -81,8 +82,7 @@ def test_a_boundary_outside_is_said_with_its_side(over, first, last, accurate, s
 def test_a_branch_that_plain_paths_miss_is_decided():
     """Of a million paths about four make `saltation` wrong; among the 4,096 of the first look there
     is none."""
-    scene = Scene.from_gears(replace(DAT21, alpha=2.398))
-    found = boundary(scene, between=(0.00197122, 0.00225778), points=2, impacts=11, width=0.5)
+    found = boundary(RARE, between=(0.00197122, 0.00225778), points=2, impacts=11, width=0.5)
     assert set(found.points["verdict"]) == {Verdict.INACCURATE}
     assert set(found.points["paths"]) == {ROUGH}
 

@@ -10,13 +10,13 @@ import pytest
 from searches import LOUD
 
 from rattle import DAT21, Scene, crossing, stationary
+from rattle.compare import Crossing
 from rattle.compare.judge.verdict import Verdict
 from rattle.compare.parameters.crossing import (
     ABOVE_LEVEL,
     BELOW_LEVEL,
     CROSSING_PATHS,
     PATH_PERIODS_OF_LOOKS,
-    Crossing,
     SideOfLevel,
     judge_level,
 )

@@ -9,8 +9,9 @@ import pytest
 from searches import QUIET, run, search, verdicts
 
 from rattle import boundary_map
+from rattle.compare import BoundaryMap
 from rattle.compare.judge.verdict import Verdict
-from rattle.compare.parameters.map import NOWHERE, BoundaryMap
+from rattle.compare.parameters.map import NOWHERE
 from rattle.compare.parameters.search import critical
 
 

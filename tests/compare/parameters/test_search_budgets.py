@@ -7,8 +7,9 @@ import time
 
 import numpy as np
 import pytest
+from scenes import dat21
 
-from rattle import DAT21, Gears, Scene, boundary_map, sensitivity
+from rattle import Gears, Scene, boundary_map, sensitivity
 from rattle.montecarlo.kernel.blocks import Budget
 from rattle.montecarlo.long_run import paths as long_paths
 from rattle.montecarlo.long_run.sums import NUMBER
@@ -85,7 +86,7 @@ def test_a_look_that_would_take_too_much_of_the_budget_is_not_begun(monkeypatch)
 
 
 def test_a_map_shares_its_budget_and_says_what_it_leaves_undecided():
-    quiet = Scene.from_gears(DAT21)
+    quiet = dat21()
     small = {"between": (0.01, 0.1), "impacts": 1, "points": 2, "values": 2}
     found = boundary_map(quiet, along="alpha", **small, budget=1e-6)
     assert found.path_steps == 0

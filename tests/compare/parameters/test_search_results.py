@@ -2,12 +2,12 @@
 and does not depend on the workers."""
 
 import pytest
-from searches import QUIET, page_of, run
+from searches import WEAK, page_of, run
 
 from rattle import sensitivity
 from rattle.compare import closure_sensitivity
 
-SHOWN = {
+SHOWN_SEARCHES = {
     "boundary": ("`saltation` is accurate up to sigma = ", "noise intensity", "stops holding"),
     "crossing": (
         "`power` is below 1000 mW up to amplitude = ",
@@ -23,10 +23,10 @@ SHOWN = {
 }
 
 
-@pytest.mark.parametrize("name", SHOWN)
+@pytest.mark.parametrize("name", SHOWN_SEARCHES)
 def test_a_result_shows_itself(results, name, tmp_path):
     result = results[name]
-    text, label, title = SHOWN[name]
+    text, label, title = SHOWN_SEARCHES[name]
     assert text in repr(result)
     assert "<table" in result._repr_html_()
     assert result.plot().axes[0].get_xlabel().startswith(label)
@@ -69,6 +69,5 @@ def test_a_map_continues_where_it_ended(results, folder_of_map):
     ],
 )
 def test_an_effect_does_not_depend_on_the_workers(function, settings):
-    scene = QUIET.with_sigma(0.01)
-    one, two = (function(scene, parameters=["omega"], **settings, workers=n) for n in (1, 2))
+    one, two = (function(WEAK, parameters=["omega"], **settings, workers=n) for n in (1, 2))
     assert one.table.equals(two.table)

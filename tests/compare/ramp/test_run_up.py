@@ -7,16 +7,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from commands import rattle
+from refusals import refusal_in_words
+from scenes import dat21
 from scipy.integrate import solve_ivp
 
-from rattle import DAT21, Gears, InputError, Scene, Tolerance
+from rattle import Gears, Scene, Tolerance
 from rattle.compare import run_up
 from rattle.compare.ramp import measure
-from rattle.compare.ramp.speed import SpeedRamp, read_ramp
+from rattle.compare.ramp.speed import read_ramp
 from rattle.montecarlo.kernel.blocks import Budget
 from rattle.scene.flight import flow
 
-GEARS = Gears.driven(
+RAMPED_GEARS = Gears.driven(
     amplitude=0.2,
     epsilon=0.9,
     omega=300.0,
@@ -28,8 +30,8 @@ GEARS = Gears.driven(
     damping1=0.3,
     torque1_over_rpm=((500.0, 40.0), (1500.0, 60.0), (4000.0, 90.0)),
 )
-SCENE = Scene.from_gears(GEARS, sigma=0.5, stages=1)
-SWEPT = {"rpm": (1500.0, 2500.0), "points": 3, "budget": 1.0, "rng": 7}
+RAMPED = Scene.from_gears(RAMPED_GEARS, sigma=0.5, stages=1)
+RAMP = {"rpm": (1500.0, 2500.0), "points": 3, "budget": 1.0, "rng": 7}
 
 
 @pytest.fixture(autouse=True)
@@ -38,14 +40,22 @@ def _no_clock(monkeypatch):
     monkeypatch.setattr(measure, "Budget", lambda seconds: Budget(1e6))
 
 
-SHAFT = {"name": "shaft", "inertia": 9000.0, "radius": 45.0, "backlash": 0.12, "damping": 0.3}
-TREE = Gears.driven(
+SHAFT_VALUES = {
+    "name": "shaft",
+    "inertia": 9000.0,
+    "radius": 45.0,
+    "backlash": 0.12,
+    "damping": 0.3,
+}
+GEAR_TREE = Gears.driven(
     amplitude=0.2,
     epsilon=0.8,
     omega=300.0,
     speed_rpm=1500.0,
     wheels=[
-        Gears.Wheel(parent_radius=35.0, torque_over_rpm=((500.0, 300.0), (4000.0, 600.0)), **SHAFT),
+        Gears.Wheel(
+            parent_radius=35.0, torque_over_rpm=((500.0, 300.0), (4000.0, 600.0)), **SHAFT_VALUES
+        ),
         Gears.Wheel(
             name="first",
             meshes="shaft",
@@ -66,25 +76,30 @@ TREE = Gears.driven(
         Gears.Wheel(name="pump", parent_radius=28.0, inertia=700.0, radius=30.0, torque=90.0),
     ],
 )
-ON_TREE = Scene.from_gears(TREE, sigma=0.5)
-SECOND = 20.0 / 45.0
+ON_TREE = Scene.from_gears(GEAR_TREE, sigma=0.5)
+SECOND_RATIO = 20.0 / 45.0
 THIRD = 50.0 / 58.0
 PUMP = 28.0 / 35.0
 """By wheel: radius of the parent there over that at the parent's own mesh."""
-TURNS = np.array([1.0, SECOND, SECOND * THIRD, PUMP])
+TURNS = np.array([1.0, SECOND_RATIO, SECOND_RATIO * THIRD, PUMP])
 """Speed of the rim over the driver's at the first wheel."""
 RATES = np.array([0.3, -0.1, 0.2, 0.15])
 """Of the gaps at the beginning."""
 
 
-def in_gaps(driver: float, rims: np.ndarray) -> np.ndarray:
+def in_gaps(driver, rims):
     """Gaps of all meshes, where the driver and the rims have moved so much; or their rates."""
     shaft, first, third, pump = rims
-    gaps = [driver - shaft, first - SECOND * shaft, third - THIRD * first, PUMP * driver - pump]
+    gaps = [
+        driver - shaft,
+        first - SECOND_RATIO * shaft,
+        third - THIRD * first,
+        PUMP * driver - pump,
+    ]
     return np.array(gaps)
 
 
-def fly_physically(ramp: SpeedRamp, periods: int) -> np.ndarray:
+def fly_physically(ramp, periods):
     """Gaps (mm) and their rates (mm/s) after so many periods without impacts, in physical time with
     the mean rotation accelerated."""
     g = ramp.gears
@@ -115,7 +130,7 @@ def fly_physically(ramp: SpeedRamp, periods: int) -> np.ndarray:
     return np.concatenate([in_gaps(0.0, moved[:4]), in_gaps(amplitude * omega, moved[4:])])
 
 
-def fly_in_stretches(ramp: SpeedRamp, periods: int, stretch: int) -> np.ndarray:
+def fly_in_stretches(ramp, periods, stretch):
     """The same by the dimensionless motion with the constants of the ramp."""
     state = np.zeros(8)
     state[1::2] = RATES
@@ -145,7 +160,7 @@ def test_the_ramp_is_the_physical_motion_but_for_its_stretches(rpm):
 
 def test_a_slow_ramp_is_as_constant_speeds_and_a_fast_one_is_not():
     """Within 4 standard errors and the allowance, of nine rows; sharp to 2 % of a value."""
-    slow = run_up(SCENE, seconds=20.0, **SWEPT)
+    slow = run_up(RAMPED, seconds=20.0, **RAMP)
     rows = slow.table
     within = 4.0 * rows["se_difference"] + rows["allowance"]
     assert (rows["difference"].abs() < within).all()
@@ -153,7 +168,7 @@ def test_a_slow_ramp_is_as_constant_speeds_and_a_fast_one_is_not():
     power = rows[rows["quantity"] != "speed_above"]
     assert (within[power.index] < 0.08 * power["value"]).all()
     assert abs(slow.overall["change"]).max() < 0.03
-    fast = run_up(SCENE, seconds=0.5, **SWEPT)
+    fast = run_up(RAMPED, seconds=0.5, **RAMP)
     assert fast.table["differs"].any()
     assert fast.added_torque[0] == pytest.approx(40.0 * slow.added_torque[0])
     assert "differ (95 % for all rows together)" in repr(fast)
@@ -162,8 +177,8 @@ def test_a_slow_ramp_is_as_constant_speeds_and_a_fast_one_is_not():
 def test_the_same_gear_sets_are_compared():
     """Where backlashes differ by 30 % the difference is known several times better than either
     side: within 4 standard errors and the allowance, which 10 % more power would not be."""
-    scene = replace(SCENE, sigma=0.1, tolerance=Tolerance(c1_max=0.15, draw="path"))
-    rows = run_up(scene, seconds=8.0, **SWEPT).table.set_index("quantity").loc["power"]
+    scene = replace(RAMPED, sigma=0.1, tolerance=Tolerance(c1_max=0.15, draw="path"))
+    rows = run_up(scene, seconds=8.0, **RAMP).table.set_index("quantity").loc["power"]
     apart = np.hypot(rows["se"], rows["se_ramp"])
     assert (rows["se_difference"] < 0.5 * apart).all()
     within = 4.0 * rows["se_difference"] + rows["allowance"]
@@ -174,7 +189,7 @@ def test_the_same_gear_sets_are_compared():
 
 
 def test_its_thresholds_are_those_of_the_speed_and_it_says_where_it_begins():
-    quiet = Scene.from_gears(Gears.driven(**GEARS.values | {"amplitude": 0.1}), stages=1)
+    quiet = Scene.from_gears(Gears.driven(**RAMPED_GEARS.values | {"amplitude": 0.1}), stages=1)
     ramp = read_ramp(quiet, (600.0, 2500.0), 10.0)
     ((rpm, above),) = ramp.openings(1, [600.0, 1500.0, 2500.0], ramp=False)
     assert above
@@ -191,17 +206,16 @@ def test_its_thresholds_are_those_of_the_speed_and_it_says_where_it_begins():
             {},
             "a run-up needs gears",
         ),
-        (Scene.from_gears(DAT21), {}, "gears.speed_rpm = None: give the driver's mean speed"),
-        (SCENE, {"rpm": (400.0, 2000.0)}, "the table ends at 500 and 4000 1/min"),
-        (SCENE, {"rpm": (900.0, 900.0)}, "give two different speeds"),
-        (SCENE, {"seconds": 0.05}, "is too short: 3 periods of the excitation for 3 speeds"),
-        (SCENE, {"rpm": (2500.0, 1500.0), "seconds": 0.5}, "wheel 1 would be slowed down by more"),
+        (dat21(), {}, "gears.speed_rpm = None: give the driver's mean speed"),
+        (RAMPED, {"rpm": (400.0, 2000.0)}, "the table ends at 500 and 4000 1/min"),
+        (RAMPED, {"rpm": (900.0, 900.0)}, "give two different speeds"),
+        (RAMPED, {"seconds": 0.05}, "is too short: 3 periods of the excitation for 3 speeds"),
+        (RAMPED, {"rpm": (2500.0, 1500.0), "seconds": 0.5}, "wheel 1 would be slowed down by more"),
     ],
 )
 def test_what_cannot_be_ramped_is_refused_in_a_sentence(scene, changed, words):
-    with pytest.raises(InputError) as caught:
-        run_up(scene, **SWEPT | changed)
-    assert words in str(caught.value)
+    with refusal_in_words(words):
+        run_up(scene, **RAMP | changed)
 
 
 def test_the_command_writes_a_page_and_says_where_it_rattles_most(tmp_path):

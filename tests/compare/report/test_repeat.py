@@ -8,7 +8,8 @@ import shutil
 import numpy as np
 import pandas as pd
 import pytest
-from commands import rattle
+from commands import manifest_of, rattle
+from figures import leave_undrawn
 
 from rattle.compare.report import manifest, provenance
 from rattle.compare.report.manifest import PREDICTED_ROUNDING, SAMPLED_ROUNDING, difference
@@ -28,6 +29,7 @@ def once():
     ``tests/compare/cli``."""
     done = {}
     with pytest.MonkeyPatch.context() as patch:
+        leave_undrawn(patch)
         for function in (work.validate, work.sweep):
 
             def remember(*given, function=function, **settings):
@@ -54,7 +56,7 @@ def elsewhere(report, folder, change, versions=None, file="table.csv"):
     shutil.copytree(report, folder)
     table = change(pd.read_csv(folder / file))
     table.to_csv(folder / file, index=False)
-    data = json.loads((folder / "manifest.json").read_text())
+    data = manifest_of(folder)
     data[file.replace(".csv", "_sha256")] = manifest.digest((folder / file).read_text())
     merged = data["versions"] | (versions or {})
     data["versions"] = {name: version for name, version in merged.items() if version is not None}
@@ -77,7 +79,6 @@ def one_path(table):
     return table
 
 
-@pytest.mark.usefixtures("undrawn")
 def test_the_same_but_for_rounding(first, tmp_path):
     changed = {"processor": "Another Processor", "numpy": "1.0", "vectors": None}
     earlier = elsewhere(first, tmp_path / "there", rounded, changed)
@@ -90,7 +91,6 @@ def test_the_same_but_for_rounding(first, tmp_path):
     assert "scipy" not in said
 
 
-@pytest.mark.usefixtures("undrawn")
 def test_the_same_in_json_and_in_the_same_folder(first, tmp_path):
     """What lies there is read before it is replaced."""
     earlier = elsewhere(first, tmp_path / "there", rounded)
@@ -117,7 +117,6 @@ def another_range(table):
         ("validity.csv", another_range, f"validity.csv, column accurate, {AT}"),
     ],
 )
-@pytest.mark.usefixtures("undrawn")
 def test_what_is_different_is_not_called_rounding(first, tmp_path, file, change, said):
     earlier = elsewhere(first, tmp_path / "there", change, file=file)
     printed = validate(f"--repeat {earlier} --out {tmp_path / 'here'}", code=DIFFERENT)
@@ -126,7 +125,6 @@ def test_what_is_different_is_not_called_rounding(first, tmp_path, file, change,
     assert "All versions and the processor are those of the manifest." in printed
 
 
-@pytest.mark.usefixtures("undrawn")
 def test_without_the_tables_only_digests_are_compared(first, tmp_path):
     earlier = elsewhere(first, tmp_path / "there", rounded)
     shutil.copy(first / "table.csv", earlier.parent)
@@ -135,7 +133,7 @@ def test_without_the_tables_only_digests_are_compared(first, tmp_path):
     assert f"Only digests could be compared: {missing}" in printed
 
 
-ROWS = pd.DataFrame(
+COMPARED_ROWS = pd.DataFrame(
     {
         "quantity": ["tau", "y1"],
         "predicted": [1.0, np.nan],
@@ -150,7 +148,7 @@ ROWS = pd.DataFrame(
 
 
 def compared(**changed):
-    return difference(ROWS, ROWS.assign(**changed), paths=100)
+    return difference(COMPARED_ROWS, COMPARED_ROWS.assign(**changed), paths=100)
 
 
 def test_differences_are_in_sds_and_in_standard_errors():

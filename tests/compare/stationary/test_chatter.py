@@ -5,20 +5,21 @@ import math
 
 import numpy as np
 import pytest
+from places import ORDINARY_PAIR
 
 import rattle as rt
+from rattle import Scene
 from rattle.closure.stationary import Law
 from rattle.compare.report.save import save
 from rattle.compare.stationary.page import answer, make_report
 from rattle.compare.stationary.verdicts import values_of
 from rattle.montecarlo.long_run.estimates import all_names
-from rattle.scene import Scene
 
 
 @pytest.fixture(scope="module")
-def found(pair):
+def found():
     closures = ["published", "saltation"]
-    return rt.stationary(Scene.load(pair), periods=64, paths=32, closures=closures)
+    return rt.stationary(Scene.load(ORDINARY_PAIR), periods=64, paths=32, closures=closures)
 
 
 def test_impacts_above_the_threshold_stand_first(found):

@@ -10,21 +10,21 @@ from rattle.compare.stationary.page import answer
 from rattle.montecarlo.long_run.scatter import FEWEST_SETS, SetValues
 
 SEEDS = 60
-SD = 10.0  # of the planted sets, about 100
-ERROR = 8.0  # sd of the planted errors: two fifths of the variance
+SD_OF_SETS = 10.0  # of the planted sets, about 100
+ERROR_OF_SETS = 8.0  # sd of the planted errors: two fifths of the variance
 TAIL = 1.6448536  # standard deviations from the median to the 95 % quantile
 
 
-def planted(seed: int, sets: int = 256) -> SetValues:
+def planted(seed, sets=256):
     """Normal sets with normal errors, whose variance is known from four parts of each."""
     rng = np.random.default_rng(seed)
-    value = rng.normal(100.0, SD, sets) + rng.normal(0.0, ERROR, sets)
-    return SetValues(value, ERROR**2 * rng.chisquare(3, sets) / 3.0)
+    value = rng.normal(100.0, SD_OF_SETS, sets) + rng.normal(0.0, ERROR_OF_SETS, sets)
+    return SetValues(value, ERROR_OF_SETS**2 * rng.chisquare(3, sets) / 3.0)
 
 
-def coverage(values: list[SetValues]) -> np.ndarray:
+def coverage(values):
     """Share of the 95 % intervals that hold the true quantiles."""
-    truth = 100.0 + SD * np.array([-TAIL, 0.0, TAIL])
+    truth = 100.0 + SD_OF_SETS * np.array([-TAIL, 0.0, TAIL])
     rows = np.array([v.quantiles(np.random.SeedSequence(1)) for v in values])
     return ((rows[:, :, 1] <= truth) & (truth <= rows[:, :, 2])).mean(axis=0)
 
@@ -44,7 +44,7 @@ def test_a_planted_scatter_is_found_and_errors_that_are_left_in_are_not():
 
 
 WIDEST = 0.1
-TOLERANT = Scene(
+WIDE_TOLERANCE = Scene(
     alpha=1.25,
     epsilon=0.8,
     beta1=0.01,
@@ -58,10 +58,10 @@ TOLERANT = Scene(
 def test_the_scatter_of_a_backlash_is_that_of_gears_at_its_quantiles():
     """The half gap is uniform, and the rate falls with it: its 5 % quantile is the rate at a gap
     that 5 % of the sets exceed.  Within 4 standard errors of both; the mean is elsewhere."""
-    found = stationary(TOLERANT, periods=256, paths=256, closures=(), rng=3)
+    found = stationary(WIDE_TOLERANCE, periods=256, paths=256, closures=(), rng=3)
     rates = found.scatter[found.scatter["quantity"] == "rate_above"].set_index("percent")
     for percent, place in ((5, 0.9), (95, -0.9)):
-        exact = replace(TOLERANT, tolerance=None, gap1=0.5 + place * WIDEST, start=None)
+        exact = replace(WIDE_TOLERANCE, tolerance=None, gap1=0.5 + place * WIDEST, start=None)
         at_gap = stationary(exact, periods=256, paths=64, closures=(), rng=4).table.loc[
             "rate_above"
         ]
@@ -74,12 +74,12 @@ def test_the_scatter_of_a_backlash_is_that_of_gears_at_its_quantiles():
 
 
 def test_it_is_said_that_sets_differ_and_not_that_the_run_is_too_short(tmp_path):
-    found = stationary(TOLERANT, accuracy=0.002, paths=96, closures=(), rng=3)
+    found = stationary(WIDE_TOLERANCE, accuracy=0.002, paths=96, closures=(), rng=3)
     assert found.run.periods < 2000  # it does not go on for an hour
     words = " ".join(answer(found))
     assert "5 % of the sets have more than" in words
     assert "more periods would fix this" not in words
     assert "scatter" in found.figures()
     assert len(found.to_dict()["scatter"]) == 3 * 4
-    few = " ".join(answer(stationary(TOLERANT, periods=64, paths=32, closures=(), rng=3)))
+    few = " ".join(answer(stationary(WIDE_TOLERANCE, periods=64, paths=32, closures=(), rng=3)))
     assert "needs 72 sets or more" in few

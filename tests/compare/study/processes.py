@@ -1,9 +1,9 @@
 """A Dask scheduler and workers as processes of their own, which can be killed and stopped."""
 
-import os
 import subprocess
-import sys
 from contextlib import contextmanager
+
+from programs import start
 
 SCHEDULER = """
 import asyncio, sys
@@ -35,14 +35,7 @@ if __name__ == "__main__":
 @contextmanager
 def _running(code, *words, **environment):
     """A process, and the address that it prints once it answers there; killed in the end."""
-    path = os.pathsep.join(filter(None, sys.path))
-    running = subprocess.Popen(
-        [sys.executable, "-c", code, *words],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.DEVNULL,
-        text=True,
-        env={**os.environ, "PYTHONPATH": path, **environment},
-    )
+    running = start("-c", code, *words, stderr=subprocess.DEVNULL, **environment)
     try:
         address = running.stdout.readline().strip()
         assert address, "it has ended before it answered"

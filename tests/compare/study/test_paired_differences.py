@@ -1,8 +1,8 @@
 """Paired differences of runs on common noise, and the standard errors that they state."""
 
 import numpy as np
+from scenes import dat21
 
-from rattle import DAT21, Scene
 from rattle.compare.study.cells import Sample
 from rattle.compare.study.impacts import compare_paired
 
@@ -14,7 +14,7 @@ def test_paired_differences_have_the_errors_that_they_state():
     which is smaller than that of independent runs; 3.5 relative errors of an sd of twenty."""
     rows = []
     for seed in range(PAIRS):
-        scenes = [Scene.from_gears(DAT21, sigma=sigma) for sigma in (0.3, 0.33)]
+        scenes = [dat21(sigma) for sigma in (0.3, 0.33)]
         cells = [Sample(scene, impacts=2, seed=seed, paths=4096) for scene in scenes]
         table = compare_paired(*(cell.restore(cell.compute()) for cell in cells))
         rows.append(table.query("impact == 2 and quantity == 'tau'").set_index("moment"))

@@ -1,21 +1,16 @@
 """A study that asks for an accuracy: a point without noise goes all the way to the page, and no
 cell runs for ever."""
 
-from pathlib import Path
-
 import pandas as pd
 import pytest
 from commands import rattle
+from places import EXAMPLES, ORDINARY_PAIR
+from scenes import dat21
 from studies import Sample, study_text
 
-from rattle import validate
+from rattle import Scene, simulate_to, validate
 from rattle.compare.study.estimate import expect_work, scaling
-from rattle.montecarlo import simulate_to
 from rattle.montecarlo.kernel.block import BLOCK
-from rattle.scene import DAT21, Scene
-
-ROOT = Path(__file__).parents[3]
-EXAMPLES = ROOT / "examples"
 
 
 def asked(folder, accuracy, sigmas, code=0):
@@ -42,29 +37,26 @@ def test_a_cell_that_would_take_more_than_an_hour_is_told_and_not_kept(tmp_path)
 
 
 def test_what_is_not_random_is_expected_to_take_one_path():
-    noisy, still = (
-        Sample(Scene.from_gears(DAT21, sigma=sigma), impacts=2, seed=0, accuracy=0.01)
-        for sigma in (0.1, 0.0)
-    )
+    noisy, still = (Sample(dat21(sigma), impacts=2, seed=0, accuracy=0.01) for sigma in (0.1, 0.0))
     work = expect_work([noisy, still])
     assert work[noisy.key].path_steps / work[still.key].path_steps >= 32 * BLOCK - 1
     assert scaling([still], {still.key: 1.0})["limit"].notna().all()
 
 
-SCENES = {
-    "rare branches": (Scene.from_gears(DAT21, sigma=0.1), 0.02, 12),  # 30 times as many plain paths
+ASKED_SCENES = {
+    "rare branches": (dat21(0.1), 0.02, 12),  # 30 times as many plain paths
     "tolerances": (Scene.load(EXAMPLES / "drawing-tolerances.toml"), 0.03, 12),
     "single stage": (Scene.load(EXAMPLES / "single-stage.toml"), 0.02, 12),
-    "chatter": (Scene.load(EXAMPLES.parent / "tests" / "compare" / "cli" / "pair.toml"), 0.05, 6),
+    "chatter": (Scene.load(ORDINARY_PAIR), 0.05, 6),
 }
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize("name", ASKED_SCENES)
 def test_every_estimate_is_within_a_factor_of_two_of_what_is_taken(name):
     """Path-steps, as `rattle simulate`, a page and a study expect them; for one stage it was 7e10
     times too many."""
-    scene, accuracy, impacts = SCENES[name]
+    scene, accuracy, impacts = ASKED_SCENES[name]
     run = simulate_to(scene, accuracy, impacts=impacts, scheme="exact-flight", rng=1)
     cell = Sample(scene, impacts, seed=2, accuracy=accuracy)
     fixed = Sample(scene, impacts, seed=2, paths=8192)

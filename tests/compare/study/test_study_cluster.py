@@ -15,9 +15,10 @@ import processes
 import pytest
 from commands import rattle
 from programs import python
+from refusals import refusal
 from studies import CELLS_FOLDER, Deadly, Refused, Store, compute, run, study_text, tables_of
 
-from rattle import InputError, Study
+from rattle import Study
 from rattle.compare.engine import cluster as module
 from rattle.compare.engine.cluster import BLOCKS_OF_A_TASK, Cluster, Lost
 
@@ -87,7 +88,7 @@ def _another(*packages):
 
 
 def test_a_cluster_without_workers_is_named(study, store):
-    with local_cluster(0) as empty, pytest.raises(InputError, match="has no workers"):
+    with local_cluster(0) as empty, refusal("has no workers"):
         run(study.cells, store, Cluster(empty.scheduler_address, patience=1.0))
 
 
@@ -195,7 +196,7 @@ def test_a_server_that_is_no_scheduler_is_named(small, store):
     with socket.create_server(("127.0.0.1", 0)) as listening:
         for port in (listening.getsockname()[1], 9):
             address = f"tcp://127.0.0.1:{port}"
-            with pytest.raises(InputError, match=rf"{address}.* does not answer"):
+            with refusal(rf"{address}.* does not answer"):
                 run(small.cells, store, Cluster(address, patience=1.0))
 
 
@@ -231,5 +232,5 @@ def test_a_study_over_tls(small, store, certificates):
         with dask.config.set(certificates):
             outcome = run(small.cells, store, Cluster(address, patience=60.0))
         assert outcome.computed == len(small.cells)
-        with pytest.raises(InputError, match="needs certificates; name them in Dask's configur"):
+        with refusal("needs certificates; name them in Dask's configur"):
             Cluster(address).__enter__()

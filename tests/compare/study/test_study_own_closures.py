@@ -10,7 +10,7 @@ from studies import study_text
 
 from rattle import Study
 
-STUDY = study_text(sigmas=(0.01, 0.1), paths=512).replace('"corrected"', '"{}"')
+OWN_STUDY = study_text(sigmas=(0.01, 0.1), paths=512).replace('"corrected"', '"{}"')
 OWN = """from rattle import mean_map
 
 def mine(scene, impacts):
@@ -25,7 +25,7 @@ def own(tmp_path, monkeypatch):
     """Writes a module with a closure that is wrong by a shift, and forgets an earlier one."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "dont_write_bytecode", True)
-    (tmp_path / "study.toml").write_text(STUDY.format("own_closures:mine"))
+    (tmp_path / "study.toml").write_text(OWN_STUDY.format("own_closures:mine"))
 
     def write(shift):
         (tmp_path / "own_closures.py").write_text(OWN.format(shift=shift))

@@ -15,28 +15,29 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from scenes import dat21
 from scipy.stats import binomtest
 
+from rattle import Sampling, Scene, simulate
 from rattle.compare.judge.rows import NamedSection, judge_errors
 from rattle.compare.thresholds.claim import read_claim
 from rattle.compare.thresholds.decision import errors_of, merge_looks
-from rattle.montecarlo import Sampling, simulate
 from rattle.montecarlo.kernel.block import BLOCK
 from rattle.montecarlo.kernel.blocks import in_threads
 from rattle.montecarlo.schemes.control_variate import estimate_controlled
 from rattle.montecarlo.statistics.intervals import widest
 from rattle.montecarlo.statistics.section_statistics import single_statistics
-from rattle.scene import DAT21, Scene, section_names
+from rattle.scene import section_names
 
-SCENE = Scene.from_gears(DAT21, sigma=0.05, stages=1)
+SESSION_SCENE = dat21(0.05, stages=1)
 # without branches that a sample may miss: no row is let off
-QUIET = Scene.from_gears(DAT21, sigma=0.0, stages=1)
-IMPACTS = 2
+WITHOUT_BRANCHES = dat21(0.0, stages=1)
+SESSION_IMPACTS = 2
 BLOCKS = 2400
 LOOKS = (1, 2, 4, 8)  # blocks
-RATE = 0.1
+ALARM_RATE = 0.1
 CONFIDENCE = 0.999
-QUANTITIES = section_names(1)
+ONE_STAGE_QUANTITIES = section_names(1)
 
 
 @dataclass
@@ -44,7 +45,7 @@ class Stacked:
     """Many runs below each other, the impacts of run i at ``i * IMPACTS + 1, ...``."""
 
     section: pd.DataFrame
-    scene: Scene = QUIET
+    scene: Scene = WITHOUT_BRANCHES
 
     @property
     def agreement(self):
@@ -65,13 +66,13 @@ class Stacked:
                 }
             )
             for moment, prefix in (("mean", ""), ("sd", "sd_"))
-            for q in QUANTITIES
+            for q in ONE_STAGE_QUANTITIES
         ]
         return pd.concat(parts, ignore_index=True)
 
     @property
     def sessions(self):
-        return len(self.section) // IMPACTS
+        return len(self.section) // SESSION_IMPACTS
 
 
 def merged(results):
@@ -99,7 +100,7 @@ def stacked(results, size, control):
             {
                 prefix + q: s[name][:, i]
                 for prefix, name in names.items()
-                for i, q in enumerate(QUANTITIES)
+                for i, q in enumerate(ONE_STAGE_QUANTITIES)
             }
         )
     table = pd.DataFrame({name: np.concatenate([f[name] for f in found]) for name in found[0]})
@@ -120,9 +121,9 @@ def simulated():
 
     sampling = Sampling(control=True, blocks=blocks)
     run = simulate(
-        SCENE,
+        SESSION_SCENE,
         paths=BLOCKS * BLOCK,
-        impacts=IMPACTS,
+        impacts=SESSION_IMPACTS,
         scheme="exact-flight",
         sampling=sampling,
         rng=1,
@@ -165,16 +166,16 @@ def displaced(truth, claim, by, sessions=1):
     return NamedSection("truth", off)
 
 
-def outcomes(runs, truth, by, rate=RATE, impacts=(1, 2), naive=(), **options):
+def outcomes(runs, truth, by, rate=ALARM_RATE, impacts=(1, 2), naive=(), **options):
     """Outcomes, shape (sessions, rows), of a model that is `by` allowed errors away from the truth.
 
     `naive` leaves a correction out: the one for the number of "rows" or "looks", or for the "unit"
     being measured.
     """
     sessions = runs[0].sessions
-    places = [i * IMPACTS + k for i in range(sessions) for k in impacts]
+    places = [i * SESSION_IMPACTS + k for i in range(sessions) for k in impacts]
     claim = read_claim(
-        {"scene": SCENE, "impacts": places, "quantities": ["tau", "y1"], **options}, Path()
+        {"scene": SESSION_SCENE, "impacts": places, "quantities": ["tau", "y1"], **options}, Path()
     )
     rows = len(claim.rows) // sessions
     z = widest((1 if "rows" in naive else rows) * (1 if "looks" in naive else len(runs)), rate)
@@ -189,7 +190,7 @@ def outcomes(runs, truth, by, rate=RATE, impacts=(1, 2), naive=(), **options):
             if table is None
             else merge_looks(table, judge_errors(errors, z))
         )
-    table["session"] = (table["impact"] - 1) // IMPACTS
+    table["session"] = (table["impact"] - 1) // SESSION_IMPACTS
     return table.sort_values("session", kind="stable")["verdict"].to_numpy().reshape(sessions, rows)
 
 
@@ -207,39 +208,39 @@ def passing(found):
     return share((found == "accurate").all(axis=1))
 
 
-ONE = {"impacts": (2,), "quantities": "y1", "moments": "mean"}
+ONE_ROW = {"impacts": (2,), "quantities": "y1", "moments": "mean"}
 
 
 def test_one_row_that_is_allowed_nothing_fails_at_the_stated_rate(once, looks, truth):
-    low, measured, high = failing(outcomes(once, truth, 0.0, **ONE, absolute=1e-12))
-    assert low <= RATE <= high, measured
-    low, measured, high = failing(outcomes(looks, truth, 0.0, **ONE, absolute=1e-12))
-    assert low <= RATE, measured
-    assert high >= 0.5 * RATE, measured  # looks at the same paths are not independent
+    low, measured, high = failing(outcomes(once, truth, 0.0, **ONE_ROW, absolute=1e-12))
+    assert low <= ALARM_RATE <= high, measured
+    low, measured, high = failing(outcomes(looks, truth, 0.0, **ONE_ROW, absolute=1e-12))
+    assert low <= ALARM_RATE, measured
+    assert high >= 0.5 * ALARM_RATE, measured  # looks at the same paths are not independent
 
 
 @pytest.mark.parametrize("edge", [-1.0, 1.0])
 def test_one_row_at_the_edge_fails_at_half_the_stated_rate(once, truth, edge):
-    low, measured, high = failing(outcomes(once, truth, edge, **ONE, absolute=2e-3))
-    assert low <= 0.5 * RATE <= high, measured
+    low, measured, high = failing(outcomes(once, truth, edge, **ONE_ROW, absolute=2e-3))
+    assert low <= 0.5 * ALARM_RATE <= high, measured
 
 
 def test_without_a_correction_it_would_be_found_out(once, looks, truth):
     low, _, _ = failing(outcomes(once, truth, 1.0, within=0.05, naive=("rows",)))
-    assert low > RATE
+    assert low > ALARM_RATE
     sds = {"impacts": (2,), "quantities": "y1", "moments": "sd", "within": 0.9}
     honest, naive = (
         failing(outcomes(once, truth, 1.0, 0.02, naive=n, **sds)) for n in ((), ("unit",))
     )
     assert honest[0] <= 0.02 < naive[0]
-    low, _, _ = failing(outcomes(looks, truth, 0.0, **ONE, absolute=1e-12, naive=("looks",)))
-    assert low > RATE
+    low, _, _ = failing(outcomes(looks, truth, 0.0, **ONE_ROW, absolute=1e-12, naive=("looks",)))
+    assert low > ALARM_RATE
 
 
 def test_a_model_just_outside_seldom_passes(once, looks, truth):
     beyond = 1.0001
     for runs in (once, looks):
-        low, measured, _ = passing(outcomes(runs, truth, beyond, **ONE, within=0.05))
-        assert low <= 0.5 * RATE, measured
+        low, measured, _ = passing(outcomes(runs, truth, beyond, **ONE_ROW, within=0.05))
+        assert low <= 0.5 * ALARM_RATE, measured
         _, whole, _ = passing(outcomes(runs, truth, beyond, within=0.05))
         assert whole == 0.0  # every row would have to

@@ -3,7 +3,7 @@ never silently."""
 
 import pytest
 
-SUITE = """
+RECORDED_SUITE = """
 SCENE = Scene.from_gears(DAT21, sigma=0.02)
 
 @pytest.mark.rattle(scene=SCENE, impacts=2, quantities=["tau", "y1"], moments="mean")
@@ -21,7 +21,9 @@ def test_recorded(rattle, name):
 def recorded(run):
     def running(*options, shift=0.0, sigma=0.02):
         return run(
-            SUITE.replace("SHIFT", str(shift)).replace("0.02", str(sigma)), *options, cache=None
+            RECORDED_SUITE.replace("SHIFT", str(shift)).replace("0.02", str(sigma)),
+            *options,
+            cache=None,
         )
 
     return running

@@ -3,15 +3,15 @@ unless allowed."""
 
 import pytest
 
-SUITE = """
+CLOSE_SUITE = """
 SCENE = Scene.from_gears(DAT21, sigma=0.02)
 
 @pytest.mark.rattle(scene=SCENE, impacts=2, quantities="y1", within=5e-3, paths=2048)
 def test_close(rattle):
     rattle.check("saltation")
 """
-HOPELESS = SUITE.replace("5e-3", "1e-3")
-ROWS = 4
+HOPELESS = CLOSE_SUITE.replace("5e-3", "1e-3")
+ROWS_OF_CLAIM = 4
 
 
 def test_a_gate_that_decides_nothing_fails_unless_that_is_allowed(run):
@@ -42,12 +42,12 @@ def test_a_gate_that_decides_nothing_fails_unless_that_is_allowed(run):
 
 
 def test_more_paths_decide(run, said, width):
-    once = run(SUITE, "--rattle-budget=2048")
+    once = run(CLOSE_SUITE, "--rattle-budget=2048")
     once.assert_outcomes(failed=1)
-    assert said(once, r"intervals of (\S+) standard") == width(ROWS)
-    more = run(SUITE)
+    assert said(once, r"intervals of (\S+) standard") == width(ROWS_OF_CLAIM)
+    more = run(CLOSE_SUITE)
     more.assert_outcomes(passed=1)
-    assert said(more, r"intervals  (\S+) standard") == width(ROWS, 4)
+    assert said(more, r"intervals  (\S+) standard") == width(ROWS_OF_CLAIM, 4)
 
 
 def test_a_look_that_cannot_decide_is_left_out(run, said, tmp_path):
@@ -56,7 +56,7 @@ def test_a_look_that_cannot_decide_is_left_out(run, said, tmp_path):
 
 
 def test_the_budget_that_the_message_asks_for_decides(run, said):
-    suite = SUITE.replace("paths=2048", "paths=2048, budget=2048")
+    suite = CLOSE_SUITE.replace("paths=2048", "paths=2048, budget=2048")
     budget = said(run(suite), r"give it more paths \(budget=(\S+) in its marker")
     assert int(budget) > 2048
     run(suite.replace("budget=2048", f"budget={budget}")).assert_outcomes(passed=1)
@@ -65,7 +65,7 @@ def test_the_budget_that_the_message_asks_for_decides(run, said):
 def test_an_accuracy_is_looked_at_once(run, said, width):
     result = run(HOPELESS.replace("paths=2048", "accuracy=0.01"))
     result.assert_outcomes(failed=1)
-    assert said(result, r"intervals of (\S+) standard") == width(ROWS)
+    assert said(result, r"intervals of (\S+) standard") == width(ROWS_OF_CLAIM)
     result.stdout.fnmatch_lines(
         ["Undecided is not passed: ask for a smaller accuracy than 0.01, or allow a larger error*"]
     )

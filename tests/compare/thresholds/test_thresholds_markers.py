@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 DAT21 = Path(__file__).resolve().parent / "example_suite" / "dat21.toml"
-HEAD = """
+GOOD_TEST = """
 S = Scene.from_gears(DAT21, sigma=0.02)
 
 @pytest.mark.rattle(scene=S, impacts=1, paths=2048)
@@ -61,7 +61,7 @@ def test_bad_markers_are_errors_of_their_own_tests(run, pytester, said, width):
     )
     (pytester.path / "damaged.toml").write_text("[scene\n")
     bad = [marked(options, f"test_{i}") for i, options in enumerate(BAD_MARKERS)]
-    result = run(HEAD + "".join(bad) + IDLE)
+    result = run(GOOD_TEST + "".join(bad) + IDLE)
     result.assert_outcomes(passed=2, errors=len(BAD_MARKERS) + 1)
     assert result.ret == pytest.ExitCode.TESTS_FAILED
     sections = re.split(r"_+ ERROR at setup of (\w+) _+\n", result.stdout.str())
@@ -74,13 +74,13 @@ def test_bad_markers_are_errors_of_their_own_tests(run, pytester, said, width):
 
 
 def test_a_bad_marker_that_is_not_selected_is_not_read(run):
-    result = run(HEAD + marked("scene=S, within=0.0"), "-k", "good")
+    result = run(GOOD_TEST + marked("scene=S, within=0.0"), "-k", "good")
     result.assert_outcomes(passed=1, deselected=2)
     assert result.ret == pytest.ExitCode.OK
 
 
 def test_collecting_alone_says_what_could_not_be_read(run):
-    result = run(HEAD + marked("scene=S, within=0.0"), "--collect-only", "-q")
+    result = run(GOOD_TEST + marked("scene=S, within=0.0"), "--collect-only", "-q")
     assert result.ret == pytest.ExitCode.OK
     result.stdout.fnmatch_lines(
         [
@@ -116,6 +116,6 @@ def test_bad_options_end_the_session(run, pytester, option, where):
         "command line": [f"--{option}"],
         "collecting alone": [f"--{option}", "--collect-only"],
     }.get(where, [])
-    result = run(HEAD, *options)
+    result = run(GOOD_TEST, *options)
     assert result.ret == pytest.ExitCode.USAGE_ERROR
     assert BAD_OPTIONS[option] in result.stderr.str()

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from programs import python
 
-SUITE = """
+OUTCOMES_SUITE = """
 pytestmark = pytest.mark.rattle(scene=Scene.from_gears(DAT21, sigma=0.02), impacts=2, paths=2048)
 
 def right(scene, impacts):
@@ -40,17 +40,17 @@ def test_planted(rattle, model):
 def test_not_marked_by_itself():
     pass
 """
-LOOKS = 4
+NUMBER_OF_LOOKS = 4
 
 
 def test_three_outcomes_and_planted_errors(run, said, width):
-    result = run(SUITE, "-rA")
+    result = run(OUTCOMES_SUITE, "-rA")
     result.assert_outcomes(passed=3, failed=4)
     text = result.stdout.str()
     assert re.search(r"FAILED .*::test_fails", text)
     assert re.search(r"FAILED .*::test_planted\[wrong_sd\]", text)
     assert re.search(r"FAILED .*::test_planted\[wrong_mean\]", text)
-    low, high = (width(rows, LOOKS) for rows in (4, 12))
+    low, high = (width(rows, NUMBER_OF_LOOKS) for rows in (4, 12))
     result.stdout.fnmatch_lines(
         [f"intervals  {low} to {high} standard errors, so that a test whose claim is true *0.01"]
     )
@@ -60,7 +60,7 @@ def test_three_outcomes_and_planted_errors(run, said, width):
 
 
 def test_a_failure_leaves_a_figure(run, said):
-    result = run(SUITE, "-k", "wrong_mean")
+    result = run(OUTCOMES_SUITE, "-k", "wrong_mean")
     result.assert_outcomes(failed=1, deselected=6)
     drawn = Path(said(result, r"Figure: (.*\.svg)")).read_text()
     assert drawn.startswith("<?xml")
@@ -68,15 +68,15 @@ def test_a_failure_leaves_a_figure(run, said):
 
 
 def test_a_verdict_does_not_depend_on_the_tests_beside_it(run, said):
-    alone = run(SUITE, "-k", "undecided")
-    beside = run(SUITE, "-k", "undecided or passes or planted")
+    alone = run(OUTCOMES_SUITE, "-k", "undecided")
+    beside = run(OUTCOMES_SUITE, "-k", "undecided or passes or planted")
     for pattern in (r"(sd y1 at 2 .*)", r"(\d+ paths; intervals of \S+)", r"budget=(\S+)"):
         assert said(alone, pattern) == said(beside, pattern)
 
 
 def test_without_a_cache_nothing_is_kept(run, pytester, said):
     some = ("-k", "passes or undecided", "-p", "no:cacheprovider")
-    result = run(SUITE, *some, cache="")
+    result = run(OUTCOMES_SUITE, *some, cache="")
     assert said(result, r"ensembles  (\d+ simulated in .*)").endswith(
         "1 from memory; they are kept only with a cache (--rattle-cache)"
     )
@@ -87,19 +87,19 @@ def test_without_a_cache_nothing_is_kept(run, pytester, said):
 
 def test_nothing_is_simulated_twice(run, tmp_path, said):
     some = ("-k", "passes or undecided")
-    first = run(SUITE, *some, cache=tmp_path)
+    first = run(OUTCOMES_SUITE, *some, cache=tmp_path)
     assert said(first, r"ensembles  (\d+ simulated)") == "2 simulated"  # and the second look
-    second = run(SUITE, *some, cache=tmp_path)
+    second = run(OUTCOMES_SUITE, *some, cache=tmp_path)
     from_cache = said(second, r"(\d+ simulated in \S+ s, \d+ from the cache)")
     assert from_cache == "0 simulated in 0.0 s, 3 from the cache"
     assert len(list(tmp_path.glob("*.parquet"))) == 2
-    run(SUITE, *some, "--rattle-seed=1", cache=tmp_path)
+    run(OUTCOMES_SUITE, *some, "--rattle-seed=1", cache=tmp_path)
     assert len(list(tmp_path.glob("*.parquet"))) == 4
 
 
 @pytest.mark.slow
 def test_workers_of_xdist_give_one_summary(run_workers):
-    result = run_workers(SUITE)
+    result = run_workers(OUTCOMES_SUITE)
     result.assert_outcomes(passed=3, failed=4)
     result.stdout.fnmatch_lines(
         ["checks * 58 rows in 6 tests*", "intervals  3.42 to 3.71 standard errors*"]
@@ -122,7 +122,7 @@ def test_bad_models_fail_before_anything_is_simulated(run, tmp_path):
     tests = [
         f"def test_bad_{i}(rattle):\n    rattle.check({m})\n" for i, m in enumerate(BAD_MODELS)
     ]
-    result = run(SUITE.split("def test_passes")[0] + "\n".join(tests), cache=tmp_path)
+    result = run(OUTCOMES_SUITE.split("def test_passes")[0] + "\n".join(tests), cache=tmp_path)
     result.assert_outcomes(failed=len(BAD_MODELS))
     for message in BAD_MODELS.values():
         assert message in result.stdout.str()
@@ -131,7 +131,7 @@ def test_bad_models_fail_before_anything_is_simulated(run, tmp_path):
 
 def test_a_test_has_a_marker_and_makes_one_check(run):
     twice = "def test_twice(rattle):\n    rattle.check('saltation'), rattle.check('saltation')\n"
-    result = run(SUITE.split("def test_passes")[0] + twice)
+    result = run(OUTCOMES_SUITE.split("def test_passes")[0] + twice)
     result.stdout.fnmatch_lines(["rattle: a test makes one check; parametrize the test for more"])
     bare = run("def test_bare(rattle): rattle.check('saltation')")
     bare.assert_outcomes(errors=1)
@@ -150,7 +150,7 @@ def test_an_idle_plugin_loads_nothing(tmp_path):
     assert "rattle" not in said.split("collected")[1].replace("test_idle", "")
 
 
-LONG = """
+LONG_RUN_SUITE = """
 PAIR = Scene(alpha=0.25, epsilon=0.5, beta1=0.02, gamma1=0.0, stages=1, sigma=0.002)
 pytestmark = pytest.mark.rattle(scene=PAIR, impacts=1)
 
@@ -168,7 +168,7 @@ def test_checks_of_the_long_run_have_their_lines(run, tmp_path):
         "long runs  1 simulated in * s, 1 from the cache *",
         "long runs  0 simulated in 0.0 s, 2 from the cache *",
     ):
-        result = run(LONG, cache=tmp_path)
+        result = run(LONG_RUN_SUITE, cache=tmp_path)
         result.assert_outcomes(passed=1, failed=1)
         result.stdout.fnmatch_lines(
             [
@@ -201,7 +201,7 @@ def test_a_closure_of_ones_own_is_the_same_by_its_function_its_object_and_its_mo
     )
 
 
-ON_ITINERARY = """
+ITINERARY_SUITE = """
 def off(scene, impacts):
     return mean_map(scene, impacts=impacts).section.assign(sd_y2=lambda s: 1.3 * s["sd_y2"])
 
@@ -228,7 +228,7 @@ def test_few(rattle):
 
 
 def test_a_claim_about_the_paths_on_the_itinerary(run):
-    result = run(ON_ITINERARY, "-rA")
+    result = run(ITINERARY_SUITE, "-rA")
     result.assert_outcomes(passed=1, failed=4)
     text = result.stdout.str()
     assert "off exceeds the allowed error in 1 of 1 rows" in text

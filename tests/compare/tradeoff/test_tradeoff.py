@@ -1,15 +1,15 @@
 """The cost of accuracy: formulas, the table of levels, cost models, and the command that writes the
 report."""
 
-import json
 import math
 
 import numpy as np
 import pandas as pd
 import pytest
-from commands import rattle
+from commands import manifest_of, rattle
+from scenes import dat21
 
-from rattle import DAT21, Record, Sampling, Scene, simulate
+from rattle import Record, Sampling, simulate
 from rattle.compare.tradeoff.measure import (
     Allowance,
     CostModel,
@@ -32,16 +32,16 @@ from rattle.montecarlo.accuracy.cost import cost_of
 from rattle.montecarlo.diagnostics.accuracy import units
 from rattle.montecarlo.kernel.block import sample
 
-SCENE = Scene.from_gears(DAT21, sigma=0.3)
-IMPACTS = 3
-PATHS = 1500
+LEVEL_SCENE = dat21(0.3)
+LEVEL_IMPACTS = 3
+LEVEL_PATHS = 1500
 
 
-def level_run(level, scene=SCENE):
+def level_run(level, scene=LEVEL_SCENE):
     return simulate(
         scene,
-        paths=PATHS,
-        impacts=IMPACTS,
+        paths=LEVEL_PATHS,
+        impacts=LEVEL_IMPACTS,
         scheme="euler-maruyama",
         dt=0.02 / 2**level,
         rng=100 + level,
@@ -60,7 +60,7 @@ def runs():
 @pytest.mark.parametrize("run", [simulate, simulate_rare])
 def test_the_cost_of_means_is_known_however_paths_were_drawn(run):
     """One path for an accuracy of one sd; and the run's own standard errors beside it."""
-    scene = Scene.from_gears(DAT21, sigma=0.1)
+    scene = dat21(0.1)
     settings = {"impacts": 3, "paths": 4096}
     first = simulate(scene, **settings)
     model = CostModel("exact-flight", first, 0.0, 0.0, 0.0, 0.0, run(scene, **settings))
@@ -142,7 +142,7 @@ def test_levels_are_consistent_and_a_negative_control_is_not(runs):
     sound = levels_of(runs).table["consistency"]
     assert math.isnan(sound[0])
     assert (sound[1:] < 1.0).all()
-    controls = [*runs[:2], level_run(2, SCENE.with_sigma(0.45)), runs[3]]
+    controls = [*runs[:2], level_run(2, LEVEL_SCENE.with_sigma(0.45)), runs[3]]
     caught = levels_of(controls).table["consistency"]
     assert caught[2] > 1.0
     assert caught[3] > 1.0
@@ -166,7 +166,7 @@ def model(bias):
     exact = bias == 0.0
     scheme = "exact-flight" if exact else "euler-maruyama"
     settings = {"sampling": Sampling(control=exact), "record": Record(step_bias=not exact)}
-    first = simulate(SCENE, paths=1024, impacts=2, dt=0.01, scheme=scheme, **settings)
+    first = simulate(LEVEL_SCENE, paths=1024, impacts=2, dt=0.01, scheme=scheme, **settings)
     return CostModel(
         scheme,
         first,
@@ -217,7 +217,7 @@ def test_a_run_that_promised_too_much_is_found_out():
     """A run of too few paths to be as accurate as it says, compared with one of many paths."""
     settings = {"impacts": 2, "dt": 0.05, "scheme": "exact-flight"}
     settings["sampling"] = Sampling(control=True)
-    small, large = (simulate(SCENE, paths=n, **settings) for n in (300, 30_000))
+    small, large = (simulate(LEVEL_SCENE, paths=n, **settings) for n in (300, 30_000))
     own = model(0.0)
     promised = point("exact-flight", 0.3, 300, 1.0)
     (fair,) = _compare(promised, small, own, large)
@@ -232,7 +232,7 @@ def test_a_run_that_promised_too_much_is_found_out():
 
 
 def test_the_control_is_worth_most_at_small_noise():
-    table = control_table(SCENE, impacts=2, seed=1, workers=1, sigmas=(0.01, 1.0), paths=2048)
+    table = control_table(LEVEL_SCENE, impacts=2, seed=1, workers=1, sigmas=(0.01, 1.0), paths=2048)
     assert table["means_median"][0] > 20.0 > table["means_median"][1]
     assert table["antithetic_means"][0] > 100.0 > table["antithetic_means"][1] > 0.5
     assert table["antithetic_sds"][0] == pytest.approx(0.5, abs=0.01)
@@ -260,13 +260,13 @@ def test_the_budget_of_a_tradeoff_is_that_of_all():
 @pytest.mark.usefixtures("undrawn")
 def test_command_writes_its_folder_answer_first(tmp_path):
     file = tmp_path / "loud.toml"
-    file.write_text(SCENE.to_toml())
+    file.write_text(LEVEL_SCENE.to_toml())
     out = tmp_path / "o"
     words = "--impacts 2 --accuracy 0.1 --accuracy 0.001 --budget 6 --no-orders"
     said = rattle(f"tradeoff {file} {words} --out {out}").stdout
     page = (out / "tradeoff.md").read_text()
     assert "weak order" not in page
-    answer = json.loads((out / "manifest.json").read_text())["answer"]
+    answer = manifest_of(out)["answer"]
     assert page.index(answer[0]) < page.index("tradeoff.svg") < page.index("| scheme |")
     assert answer[0] in said
     points = pd.read_csv(out / "tradeoff.csv")

@@ -3,35 +3,35 @@ schemes."""
 
 import numpy as np
 import pytest
+from scenes import dat21
 
 from rattle.compare.tradeoff.weak_order import changes_from, find_settled, slope_from, weak_orders
-from rattle.scene import DAT21, Scene
 
-STEPS = (0.04, 0.02, 0.01)
+HALVED_STEPS = (0.04, 0.02, 0.01)
 
 
 def made_up(order, noise, seed=1, replicates=6, rows=30):
     """Changes of a known order with measurement noise of a known standard error."""
     rng = np.random.default_rng(seed)
-    size = np.linspace(0.5, 1.5, rows) * np.array(STEPS)[:, None] ** order
-    se = np.full((replicates, len(STEPS), rows), noise)
+    size = np.linspace(0.5, 1.5, rows) * np.array(HALVED_STEPS)[:, None] ** order
+    se = np.full((replicates, len(HALVED_STEPS), rows), noise)
     return size + noise * rng.standard_normal(se.shape), se
 
 
 @pytest.mark.parametrize("order", [0.5, 2.0])
 def test_known_order_lies_in_the_interval(order):
-    bias, se = made_up(order, 0.02 * STEPS[-1] ** order)
-    _, low, high = slope_from(bias, se, STEPS)
+    bias, se = made_up(order, 0.02 * HALVED_STEPS[-1] ** order)
+    _, low, high = slope_from(bias, se, HALVED_STEPS)
     assert low < order < high
     assert high - low < 0.1
 
 
 def test_interval_of_a_change_covers_as_often_as_it_says():
-    true = np.array(STEPS) * np.sqrt(np.mean(np.linspace(0.5, 1.5, 30) ** 2))
+    true = np.array(HALVED_STEPS) * np.sqrt(np.mean(np.linspace(0.5, 1.5, 30) ** 2))
     inside = 0
     beside = 0
     for seed in range(100):
-        change, low, high = changes_from(*made_up(1.0, 0.3 * STEPS[-1], seed=seed))
+        change, low, high = changes_from(*made_up(1.0, 0.3 * HALVED_STEPS[-1], seed=seed))
         np.testing.assert_allclose(change, np.sqrt(low * high), rtol=1e-12)
         inside += int(((low < true) & (true < high)).sum())
         beside += int(((low < 1.5 * true) & (1.5 * true < high)).sum())
@@ -39,7 +39,7 @@ def test_interval_of_a_change_covers_as_often_as_it_says():
     assert beside < 30
 
 
-FOUR = (0.08, *STEPS)
+FOUR_STEPS = (0.08, *HALVED_STEPS)
 
 
 def changes_of(size, noise=1e-4, replicates=6):
@@ -51,7 +51,9 @@ def changes_of(size, noise=1e-4, replicates=6):
 
 
 def test_a_slope_that_has_settled_is_an_order():
-    order, low, high, turns = find_settled(*changes_of(np.array(FOUR)[:, None] ** 0.95), FOUR)
+    order, low, high, turns = find_settled(
+        *changes_of(np.array(FOUR_STEPS)[:, None] ** 0.95), FOUR_STEPS
+    )
     assert order == pytest.approx(0.95, abs=0.01)
     assert low < 0.95 < high
     assert turns == 0
@@ -65,16 +67,14 @@ def test_a_slope_that_has_settled_is_an_order():
     ],
 )
 def test_a_slope_that_has_not_settled_is_no_order(size, turns):
-    rows = np.array([size(h) for h in FOUR])[:, None]
-    order, _, _, turned = find_settled(*changes_of(rows), FOUR)
+    rows = np.array([size(h) for h in FOUR_STEPS])[:, None]
+    order, _, _, turned = find_settled(*changes_of(rows), FOUR_STEPS)
     assert np.isnan(order)
     assert turned == turns
 
 
 def test_located_scheme_has_order_one_and_both_have_the_right_limit():
-    table, changes = weak_orders(
-        Scene.from_gears(DAT21, sigma=1.0), impacts=2, paths=4096, replicates=4, rng=2
-    )
+    table, changes = weak_orders(dat21(1.0), impacts=2, paths=4096, replicates=4, rng=2)
     assert set(table["moment"]) == {"mean", "sd", "itinerary"}
     means = table[table["moment"] == "mean"].set_index("scheme")
     for quantity in ("tau", "y1"):

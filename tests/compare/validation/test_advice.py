@@ -4,36 +4,35 @@ work."""
 import numpy as np
 import pandas as pd
 import pytest
+from scenes import dat21
 
-from rattle import validate
-from rattle.closure import CLOSURES, mean_map
+from rattle import mean_map, simulate_to, validate
+from rattle.closure import CLOSURES
 from rattle.closure.mean_map import closure_seconds
 from rattle.compare.validation.answer import advice, answer, cost_sentence
 from rattle.compare.validation.comparison import WANTED, paths_for, simulation_costs
 from rattle.compare.validation.validate import sweep
-from rattle.montecarlo import simulate_to
 from rattle.montecarlo.accuracy.cost import cost_of, cost_to
-from rattle.scene import DAT21, Scene
 
-SIGMAS = (0.01, 0.1, 1.0)
+ADVISED = (0.01, 0.1, 1.0)
 ALL = (12, 12)
 OPEN = (3, 12)
-WRONG = (0, 0)
+NEVER = (0, 0)
 ACCURATE = "(all means and sds at 12 impacts are accurate)"
 
 
 def table(**closures):
-    """Ranges of validity over `SIGMAS`: for each closure pairs of accurate and not inaccurate."""
+    """Ranges of validity over `ADVISED`: for each closure pairs of accurate and not inaccurate."""
     rows = [
         (name, s, *pair)
         for name, pairs in closures.items()
-        for s, pair in zip(SIGMAS, pairs, strict=True)
+        for s, pair in zip(ADVISED, pairs, strict=True)
     ]
     return pd.DataFrame(rows, columns=["closure", "sigma", "accurate", "not_inaccurate"])
 
 
 def work(ranges, gains=None, resolved=True):
-    """Work of the closures that are accurate at the first impact: `gains` over `SIGMAS`, 100 if
+    """Work of the closures that are accurate at the first impact: `gains` over `ADVISED`, 100 if
     none are given."""
     cost = {"saltation": 1e-3, "branching": 0.5, "corrected": 1e-4}
     gains = gains or {}
@@ -44,7 +43,7 @@ def work(ranges, gains=None, resolved=True):
             r.accurate,
             resolved,
             cost[r.closure],
-            gains.get(r.closure, (100.0,) * 3)[SIGMAS.index(r.sigma)],
+            gains.get(r.closure, (100.0,) * 3)[ADVISED.index(r.sigma)],
         )
         for r in ranges.itertuples()
         if r.accurate > 0
@@ -54,23 +53,23 @@ def work(ranges, gains=None, resolved=True):
     )
 
 
-CASES = {
+ADVICE = {
     "one closure, then simulate": (
-        {"corrected": [WRONG] * 3, "saltation": [ALL, (3, 3), WRONG]},
+        {"corrected": [NEVER] * 3, "saltation": [ALL, (3, 3), NEVER]},
         None,
         f"take `saltation` at σ = 0.01 {ACCURATE}; simulate at σ = 0.1 "
         "(no closure is accurate at all 12 impacts, `saltation` at the first 3); "
         "simulate at σ = 1 (no closure is accurate at all 12 impacts).",
     ),
     "what is undecided is not denied": (
-        {"saltation": [ALL, WRONG, WRONG], "branching": [ALL, OPEN, OPEN]},
+        {"saltation": [ALL, NEVER, NEVER], "branching": [ALL, OPEN, OPEN]},
         None,
         f"take `saltation` at σ = 0.01 {ACCURATE}; simulate at σ = 0.1 "
         "(`branching` is undecided: more paths would settle it); "
         "simulate at σ = 1 (`branching` is undecided: more paths would settle it).",
     ),
     "the one of less work, and at more noise the one that is accurate there": (
-        {"branching": [ALL, ALL, ALL], "saltation": [ALL, WRONG, WRONG]},
+        {"branching": [ALL, ALL, ALL], "saltation": [ALL, NEVER, NEVER]},
         {"branching": (20.0, 2.0, 0.4)},
         f"take `saltation` at σ = 0.01 {ACCURATE}; take `branching` at σ = 0.1 {ACCURATE}; "
         "simulate at σ = 1 (`branching` is accurate, but takes more work than "
@@ -79,9 +78,9 @@ CASES = {
 }
 
 
-@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize("case", ADVICE)
 def test_advice(case):
-    closures, gains, said = CASES[case]
+    closures, gains, said = ADVICE[case]
     ranges = table(**closures)
     assert advice(ranges, 12, work(ranges, gains)) == f"For this gear pair {said}"
 
@@ -96,10 +95,14 @@ def test_work_does_not_decide_where_the_error_is_not_known():
 
 def test_cost_is_a_sentence_of_its_own():
     simulation = pd.DataFrame(
-        {"sigma": SIGMAS, "paths": [5_120, 123_456, 9.9e13], "core_seconds": [0.05, 180.0, 1e9]}
+        {
+            "sigma": ADVISED,
+            "paths": [5_120, 123_456, 9.9e13],
+            "core_seconds": [0.05, 180.0, 1e9],
+        }
     )
     simulation = simulation.assign(branches=[0, 4, 0], scheme="exact-flight")
-    ranges = table(saltation=[ALL, WRONG, WRONG], branching=[ALL, ALL, WRONG])
+    ranges = table(saltation=[ALL, NEVER, NEVER], branching=[ALL, ALL, NEVER])
     over = work(ranges, {"branching": (20.0, 0.3, 0.1)})
     said = cost_sentence(simulation, work(ranges), 12, "24 ms of rattling", over)
     assert (
@@ -116,7 +119,7 @@ def test_headline_page_and_table_agree_where_a_clock_is_noisy(monkeypatch):
     the first below 1."""
     clock = iter(np.random.default_rng(1).uniform(0.0, 1e3, 10_000).cumsum())
     monkeypatch.setattr("time.perf_counter", lambda: next(clock))
-    scene = Scene.from_gears(DAT21, sigma=0.02)
+    scene = dat21(0.02)
     settings = {"impacts": 2, "paths": 20_000, "rng": 3, "closures": ["saltation", "branching"]}
     swept = sweep(scene, (0.01, 0.02), workers=1, **settings)
     said = answer([validate(scene, scheme="exact-flight", **settings)], swept)
@@ -132,7 +135,7 @@ FORECAST = 1.5
 
 def test_the_page_knows_that_a_run_to_an_accuracy_samples_rare_branches():
     """Plain paths take 400 times as long here."""
-    scene = Scene.from_gears(DAT21, sigma=0.1)
+    scene = dat21(0.1)
     pilot = validate(scene, impacts=3, closures=["saltation"], paths=16_384, rng=1)
     (cost,) = simulation_costs([pilot]).itertuples()
     run = simulate_to(scene, WANTED, impacts=3, rng=2)
@@ -145,10 +148,7 @@ def test_the_page_knows_that_a_run_to_an_accuracy_samples_rare_branches():
 
 
 def test_work_of_a_mixture_grows_with_its_components():
-    few, many = (
-        mean_map(Scene.from_gears(DAT21, sigma=s), impacts=2, closure="branching")
-        for s in (1e-3, 0.5)
-    )
+    few, many = (mean_map(dat21(s), impacts=2, closure="branching") for s in (1e-3, 0.5))
     assert many.trace.work > 10 * few.trace.work
     assert closure_seconds(few) < closure_seconds(many) <= CLOSURES["branching"].most_seconds(2, 2)
     assert closure_seconds(many) - closure_seconds(few) == pytest.approx(

@@ -4,19 +4,16 @@ and a memory."""
 import pandas as pd
 import pytest
 from commands import rattle
+from scenes import dat21
 
-from rattle import DAT21, Order, Scene, validate
+from rattle import Order, validate
 
 
-@pytest.fixture(scope="module")
-def report(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("reports") / "dat21"
+@pytest.mark.usefixtures("undrawn")
+def test_the_report_of_dat21_shows_every_scheme_and_closure_with_bias_and_time(tmp_path):
+    report = tmp_path / "dat21"
     words = "validate --sigma 0.01 --impacts 2 --paths 4096 --closure saltation --no-validity --out"
-    rattle(*words.split(), folder)
-    return folder
-
-
-def test_the_report_of_dat21_shows_every_scheme_and_closure_with_bias_and_time(report):
+    rattle(words, report)
     assert "Euler–Maruyama beside exact flights and the closures" in (
         report / "report.html"
     ).read_text("utf-8")
@@ -35,16 +32,15 @@ def test_the_report_of_dat21_shows_every_scheme_and_closure_with_bias_and_time(r
         assert error > 5.0 * rows.loc["exact-flight", "error_mean"]
 
 
-SETTINGS = {"impacts": 2, "closures": ["saltation"], "paths": 2000}
+FEW_PATHS = {"impacts": 2, "closures": ["saltation"], "paths": 2000}
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_the_page_shows_the_drive_and_says_that_no_rare_branch_was_looked_for(tmp_path):
-    plain = Scene.from_gears(DAT21, sigma=0.02)
-    other = Scene.from_gears(
-        DAT21, sigma=0.02, drive=[Order(1), Order(3, 0.2)], correlation_time=1.0
-    )
+    plain = dat21(0.02)
+    other = dat21(0.02, drive=[Order(1), Order(3, 0.2)], correlation_time=1.0)
     unsearched = "Rare branches are searched for with white noise only"
     for scene, has_orders in ((plain, False), (other, True)):
-        page = validate(scene, **SETTINGS).report(tmp_path / str(has_orders))
+        page = validate(scene, **FEW_PATHS).report(tmp_path / str(has_orders))
         assert (page.parent / "figures" / "drive.svg").exists() == has_orders
         assert (unsearched in page.read_text()) == has_orders

@@ -5,16 +5,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scenes import dat21
 from scipy import stats
 
-from rattle.closure import mean_map
+from rattle import Record, mean_map, simulate
 from rattle.closure.edgeworth import section_density
 from rattle.compare.validation.realizability import bin_masses, distances, section_distances
-from rattle.montecarlo import Record, simulate
 from rattle.montecarlo.statistics.records import Histograms
-from rattle.scene import DAT21, Scene
 
-PATHS = 20_000
+DENSITY_PATHS = 20_000
 
 
 def sampled(values):
@@ -25,7 +24,7 @@ def sampled(values):
     return edges, histograms.counts[0, 0]
 
 
-def against_normal_sample(seed, mean=0.0, sd=1.0, paths=PATHS):
+def against_normal_sample(seed, mean=0.0, sd=1.0, paths=DENSITY_PATHS):
     edges, counts = sampled(np.random.default_rng(seed).normal(3.0, 0.01, paths))
     mean = 3.0 + 0.01 * mean
     sd = 0.01 * sd
@@ -55,7 +54,7 @@ def test_a_negative_control_is_far_above_the_floor(mean, sd):
 
 @pytest.fixture(scope="module")
 def run():
-    scene = Scene.from_gears(DAT21, sigma=0.02)
+    scene = dat21(0.02)
     settings = {"scheme": "euler-maruyama-located", "record": Record(histogram=True)}
     return simulate(scene, paths=200_000, impacts=12, rng=11, workers=2, **settings)
 
@@ -96,7 +95,7 @@ def test_rows_only_where_something_varies_and_is_predicted(run):
 
 
 def test_bias_of_the_step_is_taken_out_where_it_was_measured():
-    scene = Scene.from_gears(DAT21, sigma=0.02)
+    scene = dat21(0.02)
     prediction = mean_map(scene, impacts=1, closure="saltation")
     settings = {"paths": 20_000, "impacts": 1, "rng": 3, "scheme": "euler-maruyama-located"}
     runs = [
@@ -110,6 +109,6 @@ def test_bias_of_the_step_is_taken_out_where_it_was_measured():
 
 
 def test_without_noise_nothing_has_a_distance():
-    quiet = Scene.from_gears(DAT21)
+    quiet = dat21()
     still = simulate(quiet, paths=10, impacts=2, record=Record(histogram=True))
     assert section_distances(mean_map(quiet, impacts=2), still).empty

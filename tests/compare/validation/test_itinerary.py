@@ -2,18 +2,18 @@
 paths."""
 
 import pytest
+from scenes import dat21
 
-from rattle import Closure, validate
+from rattle import Closure, Record, Scene, Start, simulate, validate
 from rattle.compare.judge.verdict import JUDGED
 from rattle.compare.validation.answer import answer
 from rattle.compare.validation.comparison import find_validity
 from rattle.compare.validation.errors import NO_ITINERARY, ON_ITINERARY, TOO_FEW_FOLLOW
 from rattle.compare.validation.tables import find_reach, list_leaving
-from rattle.montecarlo import Ensemble, Record, simulate
+from rattle.montecarlo import Ensemble
 from rattle.montecarlo.ensemble.leaving import ENOUGH_EXITS
-from rattle.scene import DAT21, Scene, Start
 
-SCENE = Scene.from_gears(DAT21, sigma=0.1)
+WITH_BRANCH = dat21(0.1)
 IMPACTS = 3
 
 
@@ -31,7 +31,7 @@ def off(scene, impacts):
 @pytest.fixture(scope="module")
 def compared():
     methods = ["saltation", Closure("right", right, describes="itinerary"), off]
-    return validate(SCENE, impacts=IMPACTS, closures=methods, paths=40_000, rng=5)
+    return validate(WITH_BRANCH, impacts=IMPACTS, closures=methods, paths=40_000, rng=5)
 
 
 def test_a_right_closure_is_accurate_there_and_a_wrong_one_is_caught(compared):
@@ -60,7 +60,7 @@ def test_counts_and_ranges_of_all_paths_leave_these_rows_aside(compared):
 
 
 def test_branching_tells_the_paths_on_the_itinerary_from_all():
-    v = validate(SCENE, impacts=IMPACTS, closures=["branching"], paths=40_000, rng=6)
+    v = validate(WITH_BRANCH, impacts=IMPACTS, closures=["branching"], paths=40_000, rng=6)
     assert set(v.section_rows("branching", ON_ITINERARY)["verdict"]) & set(JUDGED) == {"accurate"}
     every = v.predictions["branching"]
     apart = every.on_itinerary().section["sd_y2"][IMPACTS]
@@ -69,7 +69,7 @@ def test_branching_tells_the_paths_on_the_itinerary_from_all():
 
 def test_where_no_itinerary_has_half_of_the_paths_it_says_so():
     loud = validate(
-        SCENE.with_sigma(1.2), impacts=IMPACTS, closures=["saltation"], paths=2000, rng=1
+        WITH_BRANCH.with_sigma(1.2), impacts=IMPACTS, closures=["saltation"], paths=2000, rng=1
     )
     rows = loud.section_rows("saltation", ON_ITINERARY)
     few = rows[rows["agreement"] < 0.5]
@@ -92,18 +92,23 @@ def test_an_orbit_at_rest_has_no_itinerary_and_says_so():
 def test_how_it_is_known_how_many_leave_is_settled_before_they_are_counted(
     paths, pilots, monkeypatch
 ):
-    """Some of the runs count `ENOUGH_EXITS` paths that left, others fewer: all are treated
+    """One of the runs counts `ENOUGH_EXITS` paths that left, the other fewer: both are treated
     alike.
     """
     asked = []
-    found = validate(SCENE, impacts=IMPACTS, closures=["saltation"], paths=1024).run.leaving
+    found = validate(WITH_BRANCH, impacts=IMPACTS, closures=["saltation"], paths=1024).run.leaving
     monkeypatch.setattr(Ensemble, "leaving", property(lambda run: asked.append(run) or found))
     counts = []
-    for seed in range(12):
+    for seed in (3, 8):
         v = validate(
-            SCENE, impacts=IMPACTS, closures=["saltation"], paths=paths, rng=seed, fixed_times=False
+            WITH_BRANCH,
+            impacts=IMPACTS,
+            closures=["saltation"],
+            paths=paths,
+            rng=seed,
+            fixed_times=False,
         )
         v.leaving("saltation")
         counts.append(paths * (1.0 - v.run.agreement["saltation"][IMPACTS]))
     assert min(counts) < ENOUGH_EXITS < max(counts)
-    assert len({id(run) for run in asked}) == 12 * pilots
+    assert len({id(run) for run in asked}) == 2 * pilots

@@ -1,17 +1,16 @@
 """A closure of one's own in a validation: its verdicts, its page, its time, and what becomes of its
 mistakes."""
 
-import json
-
 import numpy as np
 import pytest
-from commands import rattle
+from commands import manifest_of, rattle
+from scenes import dat21
 
-from rattle import DAT21, Closure, Scene, mean_map, validate
+from rattle import Closure, mean_map, validate
 from rattle.compare.validation.answer import answer
 from rattle.compare.validation.comparison import measure_speeds
 
-SCENE = Scene.from_gears(DAT21, sigma=0.01)
+LITTLE_NOISE = dat21(0.01)
 
 
 def copy(scene, impacts):
@@ -42,7 +41,9 @@ def compared():
         copy,
         lambda scene, times: mean_map(scene, impacts=3, closure="saltation").at_times(times),
     )
-    return validate(SCENE, impacts=3, closures=["saltation", same, shifted], paths=20_000, rng=7)
+    return validate(
+        LITTLE_NOISE, impacts=3, closures=["saltation", same, shifted], paths=20_000, rng=7
+    )
 
 
 def test_it_is_judged_as_a_closure_of_the_package_is(compared):
@@ -66,7 +67,9 @@ def test_its_time_is_measured_and_decides_nothing(compared):
 
 
 def test_an_exception_is_a_remark_on_its_rows(compared):
-    v = validate(SCENE.with_sigma(0.1), impacts=2, closures=["saltation", strong], paths=2000)
+    v = validate(
+        LITTLE_NOISE.with_sigma(0.1), impacts=2, closures=["saltation", strong], paths=2000
+    )
     why = "raised ValueError: the noise is too strong"
     assert v.failed == {"strong": why}
     table = rows(v, "strong")
@@ -79,7 +82,7 @@ def test_an_exception_at_fixed_times_loses_only_these():
     def fails(scene, times):
         raise ZeroDivisionError
 
-    v = validate(SCENE, impacts=2, closures=[Closure("mine", copy, fails)], paths=2000)
+    v = validate(LITTLE_NOISE, impacts=2, closures=[Closure("mine", copy, fails)], paths=2000)
     table = rows(v, "mine").set_index("kind")
     assert set(table.loc["fixed time", "remark"]) == {"raised ZeroDivisionError: "}
     assert not (table.loc["section", "verdict"] == "not predicted").any()
@@ -95,13 +98,13 @@ def test_the_command_imports_it_shows_it_and_says_by_its_exit_code_that_it_faile
         " copy(scene, impacts)\n"
     )
     monkeypatch.chdir(tmp_path)
-    closures = "--closure saltation --closure own:mine --closure own:strong"
-    words = f"validate {closures} --sigma 0.01 --sigma 0.1 --impacts 2 --paths 2000 --no-validity"
+    closures = "--closure own:mine --closure own:strong"
+    words = f"validate {closures} --sigma 0.1 --impacts 2 --paths 2000 --no-validity"
     done = rattle(f"{words} --out report", code=1)
     assert "closure strong raised ValueError: the noise is too strong" in done.stderr
     page = (tmp_path / "report" / "report.html").read_text()
     assert "The first closure of all." in page
-    manifest = json.loads((tmp_path / "report" / "manifest.json").read_text())
-    assert manifest["settings"]["closures"] == ["saltation", "own:mine", "own:strong"]
+    manifest = manifest_of(tmp_path / "report")
+    assert manifest["settings"]["closures"] == ["own:mine", "own:strong"]
     again = rattle("validate", "--repeat", "report/manifest.json", "--out", "again", code=1)
     assert "Repeated bit for bit" in again.stdout

@@ -6,22 +6,23 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scenes import dat21
 
-from rattle import DAT21, Closure, Scene, Study, boundary, mean_map, validate
+from rattle import Closure, Study, boundary, mean_map, validate
 from rattle.compare import closure_sensitivity
 from rattle.compare.thresholds.claim import read_claim
 from rattle.compare.thresholds.decision import predict
 
-PAPER = Scene.from_gears(DAT21, sigma=0.01)
+PAPER = dat21(0.01)
 LATE = replace(PAPER, start=replace(PAPER.start, tau=4.1))  # above pi: reduced to a negative phase
 ORBIT = mean_map(LATE, impacts=2, closure="saltation")
-TIMES = ORBIT.section["tau"].to_numpy()
+ORBIT_TIMES = ORBIT.section["tau"].to_numpy()
 RHO = ORBIT.at_times([4.2])["rho1"].to_numpy()
 
 
 def constant(scene, impacts):
     """Numbers as they were measured or read from a file, at any sigma."""
-    return {"tau": TIMES[:impacts]}
+    return {"tau": ORBIT_TIMES[:impacts]}
 
 
 def at_times(scene, times):
@@ -36,7 +37,7 @@ def test_in_a_validation():
     v = validate(LATE, impacts=2, closures=[MINE], paths=32_768, rng=7)
     rows = v.table[(v.table["quantity"] == "tau") & (v.table["moment"] == "mean")]
     # of all paths, and of those on the itinerary
-    assert rows["predicted"].tolist() == pytest.approx([*TIMES, *TIMES])
+    assert rows["predicted"].tolist() == pytest.approx([*ORBIT_TIMES, *ORBIT_TIMES])
     assert set(rows["verdict"]) == {"accurate"}
     assert v.table.query("kind == 'fixed time'")["predicted"].notna().all()
 
@@ -45,7 +46,7 @@ def test_in_a_study_and_a_boundary():
     text = LATE.to_toml() + "[study]\nimpacts = 2\npaths = 4096\n[[axes]]\nsigma = [0.01]\n"
     study = replace(Study.from_toml(text), closures=(MINE,))
     section = study.points[0].predictions[0].evaluate()[0]
-    assert section["tau"].tolist() == pytest.approx(TIMES + LATE.phase - 4.1)
+    assert section["tau"].tolist() == pytest.approx(ORBIT_TIMES + LATE.phase - 4.1)
     found = boundary(LATE, closure=MINE, between=(0.005, 0.01), impacts=2, points=2)
     assert set(found.points["verdict"]) == {"accurate"}
 
@@ -55,7 +56,7 @@ def test_in_a_claim_of_pytest():
         {"scene": LATE, "impacts": 2, "quantities": "tau", "moments": "mean"}, Path()
     )
     said = predict(MINE, claim)
-    assert said.section["tau"].tolist() == pytest.approx(TIMES + LATE.phase - 4.1)
+    assert said.section["tau"].tolist() == pytest.approx(ORBIT_TIMES + LATE.phase - 4.1)
 
 
 def test_in_the_sensitivity_of_a_closure():

@@ -2,14 +2,13 @@
 it."""
 
 import pytest
+from scenes import UNGEARED, dat21
 
 from rattle import validate
 from rattle.compare.validation.answer import answer
 from rattle.compare.validation.tables import duration_words, motion_table, time_table
-from rattle.scene import DAT21, Scene
 
-PLAIN = Scene(alpha=1.5, epsilon=0.9, beta1=0.1, gamma1=0.05, mu=0.5, sigma=0.02)
-SETTINGS = {
+EXACT_FLIGHTS = {
     "impacts": 3,
     "closures": ["saltation"],
     "paths": 2000,
@@ -20,12 +19,12 @@ SETTINGS = {
 
 @pytest.fixture(scope="module")
 def v():
-    return validate(Scene.from_gears(DAT21, sigma=0.02), **SETTINGS)
+    return validate(dat21(0.02), **EXACT_FLIGHTS)
 
 
 @pytest.fixture(scope="module")
 def plain():
-    return validate(PLAIN, **SETTINGS)
+    return validate(UNGEARED.with_sigma(0.02), **EXACT_FLIGHTS)
 
 
 def values(table, head):

@@ -4,8 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scenes import dat21
 
-from rattle.closure import Edgeworth, mean_map
+from rattle import mean_map
+from rattle.closure import Edgeworth
 from rattle.closure.edgeworth import coefficients
 from rattle.compare.validation.realizability import (
     CHECKS,
@@ -16,20 +18,15 @@ from rattle.compare.validation.realizability import (
     negative_mass,
     realizability_table,
 )
-from rattle.scene import DAT21, Scene
 from rattle.scene.moments import gaussian_raw_moments
 
-IMPACTS = 12
+REALIZED_IMPACTS = 12
 ALGEBRAIC = [name for name in CHECKS if "negative mass" not in name]
-
-
-def dat21(sigma, **changes):
-    return replace(Scene.from_gears(DAT21, sigma=sigma), **changes)
 
 
 def table_of(closure, sigma, **settings):
     return realizability_table(
-        [mean_map(dat21(sigma), closure=closure, **{"impacts": IMPACTS, **settings})]
+        [mean_map(dat21(sigma), closure=closure, **{"impacts": REALIZED_IMPACTS, **settings})]
     )
 
 

@@ -5,40 +5,43 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from refusals import refusal
+from scenes import dat21
 
-from rattle import Sampling, Tolerances, validate
-from rattle.closure import mean_map
+from rattle import Sampling, Scene, Tolerances, mean_map, simulate, validate
 from rattle.compare.judge.rows import BY_SIZE, NamedSection
 from rattle.compare.judge.verdict import JUDGED
 from rattle.compare.thresholds.claim import read_claim
 from rattle.compare.thresholds.decision import errors_of, predict
 from rattle.compare.validation.answer import answer
 from rattle.compare.validation.errors import section_errors
-from rattle.montecarlo import simulate
 from rattle.montecarlo.diagnostics.accuracy import error_bound, units
 from rattle.montecarlo.statistics.intervals import ABSOLUTE, widest
-from rattle.scene import DAT21, InputError, Scene
 
-IMPACTS = 3
-SCENES = {
-    "DAT21": Scene.from_gears(DAT21),
+SMALL_NOISE_IMPACTS = 3
+NOISELESS = {
+    "DAT21": dat21(),
     "two stages": Scene(
         alpha=1.5, epsilon=0.9, beta1=0.0, beta2=0.0, gamma1=0.1, gamma2=0.08, mu=0.4
     ),
     "one stage": Scene(alpha=14.6, epsilon=0.7, beta1=0.0, gamma1=5.07, stages=1),
 }
-SIGMAS = (1e-9, 1e-3)
-Z = widest(2 * 6 * IMPACTS)
+SMALL_SIGMAS = (1e-9, 1e-3)
+Z_OF_SECTION = widest(2 * 6 * SMALL_NOISE_IMPACTS)
 
 
 def drawn(name, sigma, paths=8192):
     """A scene of this noise, a simulation of it, and the moments of saltation, which is exact in
     this limit."""
-    scene = SCENES[name].with_sigma(sigma)
+    scene = NOISELESS[name].with_sigma(sigma)
     run = simulate(
-        scene, paths=paths, impacts=IMPACTS, scheme="exact-flight", sampling=Sampling(control=True)
+        scene,
+        paths=paths,
+        impacts=SMALL_NOISE_IMPACTS,
+        scheme="exact-flight",
+        sampling=Sampling(control=True),
     )
-    return scene, run, mean_map(scene, impacts=IMPACTS, closure="saltation").section
+    return scene, run, mean_map(scene, impacts=SMALL_NOISE_IMPACTS, closure="saltation").section
 
 
 def wrong(section):
@@ -51,13 +54,13 @@ def wrong(section):
     )
 
 
-@pytest.mark.parametrize("sigma", SIGMAS)
-@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize("sigma", SMALL_SIGMAS)
+@pytest.mark.parametrize("name", NOISELESS)
 def test_planted_errors_are_inaccurate_at_any_noise(name, sigma):
     _, run, right = drawn(name, sigma)
 
     def table(section):
-        found = section_errors([NamedSection("planted", section)], run, Z, Tolerances())
+        found = section_errors([NamedSection("planted", section)], run, Z_OF_SECTION, Tolerances())
         return found[found["verdict"].isin(JUDGED) & (found["unit"] > 1e-3 * sigma)]
 
     assert (table(right)["verdict"] == "accurate").all()
@@ -70,9 +73,13 @@ def test_planted_errors_are_inaccurate_at_any_noise(name, sigma):
 
 
 def test_what_does_not_vary_is_judged_by_its_size_and_says_so():
-    scene = SCENES["DAT21"]
+    scene = NOISELESS["DAT21"]
     v = validate(
-        scene, impacts=IMPACTS, closures=["saltation", "corrected"], paths=1, scheme="exact-flight"
+        scene,
+        impacts=SMALL_NOISE_IMPACTS,
+        closures=["saltation", "corrected"],
+        paths=1,
+        scheme="exact-flight",
     )
     assert set(v.table["kind"]) == {"section", "itinerary"}  # no correlation
     rows = v.table[v.table["verdict"].isin(JUDGED)]
@@ -81,13 +88,13 @@ def test_what_does_not_vary_is_judged_by_its_size_and_says_so():
     said = f"Moments not measured in sds ({BY_SIZE}): at σ = 0 `saltation` 30 and `corrected` 24."
     assert said in answer([v])
     far = drawn("DAT21", 0.0, paths=1)[2].assign(tau=lambda s: s["tau"] * (1.0 + 2.0 * ABSOLUTE))
-    run = simulate(scene, paths=1, impacts=IMPACTS, scheme="exact-flight")
-    found = section_errors([NamedSection("planted", far)], run, Z, Tolerances())
+    run = simulate(scene, paths=1, impacts=SMALL_NOISE_IMPACTS, scheme="exact-flight")
+    found = section_errors([NamedSection("planted", far)], run, Z_OF_SECTION, Tolerances())
     planted = found.query("moment == 'mean' and quantity == 'tau'")
     assert "inaccurate" in set(planted["verdict"])
 
 
-@pytest.mark.parametrize("sigma", SIGMAS)
+@pytest.mark.parametrize("sigma", SMALL_SIGMAS)
 def test_an_accuracy_counts_in_sds_at_any_noise(sigma):
     _, run, _ = drawn("DAT21", sigma)
     small = error_bound(run).error
@@ -96,18 +103,18 @@ def test_an_accuracy_counts_in_sds_at_any_noise(sigma):
     assert (units(run)["tau"] == run.section["sd_tau"]).all()
 
 
-SMALL = Scene.from_gears(DAT21, sigma=0.02)
+WALLED = dat21(0.02)
 
 
 @pytest.fixture(scope="module")
 def walled():
     return simulate(
-        SMALL, paths=2048, impacts=2, scheme="exact-flight", sampling=Sampling(control=True)
+        WALLED, paths=2048, impacts=2, scheme="exact-flight", sampling=Sampling(control=True)
     )
 
 
 def test_a_claim_of_the_wall_alone_is_refused(walled):
     quantity = f"x{walled.section.loc[1, 'mesh']}"
-    claim = read_claim({"scene": SMALL, "impacts": [1], "quantities": quantity}, Path())
-    with pytest.raises(InputError, match="none of these rows has a verdict"):
+    claim = read_claim({"scene": WALLED, "impacts": [1], "quantities": quantity}, Path())
+    with refusal("none of these rows has a verdict"):
         errors_of(predict("saltation", claim), walled, claim)

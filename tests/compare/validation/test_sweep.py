@@ -2,6 +2,7 @@
 
 import pandas as pd
 import pytest
+from scenes import dat21
 
 from rattle import validate
 from rattle.compare.judge.verdict import NOT_WRONG, WRONG
@@ -12,9 +13,8 @@ from rattle.compare.validation.figures import validity_figure
 from rattle.compare.validation.page import CAPTIONS
 from rattle.compare.validation.tables import merge_sigmas
 from rattle.compare.validation.validate import sweep
-from rattle.scene import DAT21, Scene
 
-SETTINGS = {
+SWEEP_SETTINGS = {
     "impacts": 4,
     "paths": 20_000,
     "rng": 3,
@@ -25,7 +25,7 @@ SETTINGS = {
 
 @pytest.fixture(scope="module")
 def swept():
-    return sweep(Scene.from_gears(DAT21), (0.02, 0.5), **SETTINGS)
+    return sweep(dat21(), (0.02, 0.5), **SWEEP_SETTINGS)
 
 
 def ended(sigma, accurate, not_inaccurate, cause="off itinerary", closure="saltation", why="so"):
@@ -35,8 +35,8 @@ def ended(sigma, accurate, not_inaccurate, cause="off itinerary", closure="salta
 def test_rows_are_those_of_single_validations(swept):
     assert list(swept.validity) == list(Validity._fields)
     for sigma in (0.02, 0.5):
-        v = validate(Scene.from_gears(DAT21, sigma=sigma), scheme="exact-flight", **SETTINGS)
-        for closure in SETTINGS["closures"]:
+        v = validate(dat21(sigma), scheme="exact-flight", **SWEEP_SETTINGS)
+        for closure in SWEEP_SETTINGS["closures"]:
             row = swept.validity.query("sigma == @sigma and closure == @closure")
             assert tuple(row.iloc[0]) == tuple(find_validity(v, closure))
 

@@ -3,11 +3,11 @@ are a transient."""
 
 import json
 import re
-from pathlib import Path
 
 import numpy as np
 import pytest
 from commands import rattle
+from places import EXAMPLES
 
 import rattle as rt
 from rattle import Gears, Order, Scene, Start
@@ -16,7 +16,7 @@ from rattle.compare.validation.transient import describe_transient
 from rattle.montecarlo.long_run.estimates import most_unseen
 from rattle.scene.changes import change
 
-ONE = {
+ONE_STAGE = {
     "amplitude": 0.3,
     "epsilon": 0.6,
     "omega": 300.0,
@@ -24,26 +24,26 @@ ONE = {
     "radius1": 41.0,
     "backlash1": 0.2,
 }
-TWO = ONE | {"inertia2": 2500.0, "radius2": 26.4}
-PLAIN = {"alpha": 1.0, "epsilon": 0.9, "beta1": 0.1, "gamma1": 0.3, "mu": 0.4}
+TWO_STAGES = ONE_STAGE | {"inertia2": 2500.0, "radius2": 26.4}
+WITHOUT_GEARS = {"alpha": 1.0, "epsilon": 0.9, "beta1": 0.1, "gamma1": 0.3, "mu": 0.4}
 REST = "not rattle in the long run: "
 
 
 def one(torque, **scene):
     return Scene.from_gears(
-        Gears.driven(**ONE, torque1=torque), **{"stages": 1, "sigma": 0.0} | scene
+        Gears.driven(**ONE_STAGE, torque1=torque), **{"stages": 1, "sigma": 0.0} | scene
     )
 
 
 def two(torque1, torque2, **scene):
     return Scene.from_gears(
-        Gears.driven(**TWO, torque1=torque1, torque2=torque2), **{"sigma": 0.0} | scene
+        Gears.driven(**TWO_STAGES, torque1=torque1, torque2=torque2), **{"sigma": 0.0} | scene
     )
 
 
-BOX = Scene.load(Path(__file__).parents[3] / "examples" / "gearbox5.toml").noise_free
-ORDERS = (Order(1, 1.0), Order(3, 0.3, 1.0))
-CASES = {
+QUIET_BOX = Scene.load(EXAMPLES / "gearbox5.toml").noise_free
+TWO_ORDERS = (Order(1, 1.0), Order(3, 0.3, 1.0))
+TRANSIENTS = {
     "one stage": (
         one(9000.0),
         (
@@ -56,11 +56,11 @@ CASES = {
         "2,557 N mm, which holds wheel 1 too. The first impacts are the transient",
     ),
     "orders": (
-        one(30_000.0, drive=ORDERS),
+        one(30_000.0, drive=TWO_ORDERS),
         "is 30,000 N mm, above the threshold of 9,126 N mm. The first",
     ),
     "no gears": (
-        Scene(**PLAIN | {"gamma1": 1.5}, stages=1),
+        Scene(**WITHOUT_GEARS | {"gamma1": 1.5}, stages=1),
         f"This motion does {REST}gamma1 is 1.5, above the threshold",
     ),
     "about to stick": (
@@ -68,27 +68,27 @@ CASES = {
         f"These gears do {REST}",
     ),
     "mesh 2 alone": (
-        Scene(**PLAIN, gamma2=1.2),
+        Scene(**WITHOUT_GEARS, gamma2=1.2),
         "Mesh 2 does not open by itself in the long run: gamma2 is 1.2, above",
     ),
     "mesh 3 of a tree": (
-        change(BOX, {"wheel.second.torque": 4000.0, "wheel.layshaft.torque": 20.0}),
+        change(QUIET_BOX, {"wheel.second.torque": 4000.0, "wheel.layshaft.torque": 20.0}),
         "Mesh 3 (second) does not open by itself in the long run: the drag torque on wheel second",
     ),
     "meshes of a tree": (
-        change(BOX, {"wheel.second.torque": 4000.0, "wheel.fifth.torque": 4000.0}),
+        change(QUIET_BOX, {"wheel.second.torque": 4000.0, "wheel.fifth.torque": 4000.0}),
         "mesh 5 (fifth) do not open by themselves in the long run: the drag torque on wheel",
     ),
     "mesh 1 alone": (
-        Scene(**PLAIN | {"gamma1": 2.0}, gamma2=0.2),
+        Scene(**WITHOUT_GEARS | {"gamma1": 2.0}, gamma2=0.2),
         "Mesh 1 does not open by itself in the long run: gamma1",
     ),
 }
 
 
-@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize("case", TRANSIENTS)
 def test_what_does_not_open_is_said_with_the_threshold(case):
-    scene, said = CASES[case]
+    scene, said = TRANSIENTS[case]
     assert said in describe_transient(scene)
 
 
@@ -106,6 +106,7 @@ def test_nothing_is_said_where_the_motion_goes_on_above_the_threshold():
     assert describe_transient(scene) == ""
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_every_command_says_it_first(tmp_path):
     path = tmp_path / "quiet.toml"
     path.write_text(one(9000.0, sigma=0.02).to_toml())

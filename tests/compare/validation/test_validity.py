@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import pytest
+from scenes import dat21
 
 from rattle import validate
 from rattle.compare.judge.verdict import Verdict
@@ -13,12 +14,11 @@ from rattle.compare.validation.comparison import (
 )
 from rattle.compare.validation.errors import SIMULATED
 from rattle.compare.validation.tables import count_verdicts
-from rattle.scene import DAT21, Scene
 
 
 @pytest.fixture(scope="module")
 def validations():
-    scenes = [Scene.from_gears(DAT21, sigma=s) for s in (0.01, 0.5)]
+    scenes = [dat21(s) for s in (0.01, 0.5)]
     return [validate(s, impacts=6, paths=60_000, rng=2, workers=2) for s in scenes]
 
 
@@ -45,7 +45,7 @@ def test_causes_are_distinguished(validations):
 
 def test_an_end_that_more_paths_would_decide_is_called_undecided():
     settings = {"impacts": 4, "paths": 1200, "scheme": "euler-maruyama-located", "rng": 1}
-    v = validate(Scene.from_gears(DAT21, sigma=0.01), closures=["saltation"], **settings)
+    v = validate(dat21(0.01), closures=["saltation"], **settings)
     found = find_validity(v, "saltation")
     assert found.not_inaccurate == 4
     assert found.accurate < 4
@@ -78,9 +78,7 @@ def test_claim_about_rho_names_rule_and_impact(validations):
 def test_counts_range_of_validity_answer_and_requirement_follow_one_rule():
     """The sd of the displacement at the struck mesh is due to off-itinerary paths alone: no
     statement depends on it."""
-    v = validate(
-        Scene.from_gears(DAT21, sigma=0.1), impacts=3, closures=["saltation"], paths=60_000, rng=2
-    )
+    v = validate(dat21(0.1), impacts=3, closures=["saltation"], paths=60_000, rng=2)
     struck = "x" + v.run.section["mesh"].astype(str)
     wall = v.table["quantity"] == v.table["impact"].map(struck)
     assert (wall == (v.table["verdict"] == Verdict.EXCLUDED)).all()

@@ -4,19 +4,19 @@ from dataclasses import dataclass
 
 import pandas as pd
 import pytest
+from scenes import dat21
 from scipy import stats
+from settings import LOCATED
 
-from rattle import Tolerances
-from rattle.closure import mean_map
+from rattle import Record, Tolerances, mean_map, simulate
 from rattle.compare.judge.rows import waits_for_branch
 from rattle.compare.judge.verdict import judge
 from rattle.compare.validation.errors import judge_again, section_errors
-from rattle.montecarlo import Record, simulate, simulate_rare
+from rattle.montecarlo import simulate_rare
 from rattle.montecarlo.statistics.intervals import ABSOLUTE, widest
-from rattle.scene import DAT21, Scene
 from rattle.scene.types import section_names
 
-IMPACTS = 4
+JUDGED_IMPACTS = 4
 
 
 def rows(**columns):
@@ -66,57 +66,48 @@ class Claimed:
     closure: str = "claimed"
 
 
-def ensemble(sigma, seed, paths):
-    scene = Scene.from_gears(DAT21, sigma=sigma)
-    record = Record(
-        itineraries={"claimed": mean_map(scene, impacts=IMPACTS, closure="corrected").itinerary}
-    )
-    settings = {"workers": 2, "scheme": "euler-maruyama-located", "record": record}
-    return simulate(scene, paths=paths, impacts=IMPACTS, rng=seed, **settings)
-
-
-def corrected(run):
-    """Corrected section moments of a large run: what a perfect closure would claim."""
-    section = pd.DataFrame(index=run.section.index)
-    for (moment, quantity), group in run.step_bias.groupby(["moment", "quantity"]):
-        section[("sd_" if moment == "sd" else "") + quantity] = group.set_index("impact")[
-            "corrected"
-        ]
-    return section
-
-
-@pytest.fixture(scope="module")
-def truth():
-    return corrected(ensemble(0.02, seed=1, paths=200_000))
+def missed(claim, run, z):
+    """Whether the interval of each moment that varies misses a claim."""
+    table = section_errors([Claimed(claim)], run, z, Tolerances()).set_index(["moment", "quantity"])
+    varying = table[table["unit"] > ABSOLUTE]
+    return (varying["low"] > 0.0) | (varying["high"] < 0.0)
 
 
 @pytest.mark.parametrize("sigma", [0.01, 1.0])
 def test_a_perfect_closure_is_within_its_intervals(sigma):
-    """The share of families of intervals that miss the true value stays near the nominal 5 %.
+    """The share of families of intervals that miss the true value stays near the nominal 5 %; they
+    always miss a mean that is off by a fifth of an sd, an sd by 30 %, and a wrong sign.
 
     Not tested where a rare itinerary matters but is expected less than once in the ensemble (sigma
     = 0.05 here): no interval estimated from such a sample can include it, and the report says so.
     """
-    claim = Claimed(corrected(ensemble(sigma, seed=1, paths=200_000)))
-    z = widest(2 * len(section_names(2)) * IMPACTS)
+    scene = dat21(sigma)
+    truth = simulate(scene, paths=200_000, impacts=JUDGED_IMPACTS, rng=1, workers=2).section
+    itinerary = mean_map(scene, impacts=JUDGED_IMPACTS, closure="corrected").itinerary
+    settings = {"scheme": LOCATED, "record": Record(itineraries={"claimed": itinerary})}
+    wrong = truth.assign(
+        tau=truth["tau"] + 0.2 * truth["sd_tau"], sd_y1=1.3 * truth["sd_y1"], y2=-truth["y2"]
+    )
+    z = widest(2 * len(section_names(2)) * JUDGED_IMPACTS)
     missing = 0
     for seed in range(100, 112):
-        table = section_errors([claim], ensemble(sigma, seed, 4096), z, Tolerances())
-        varying = table[table["unit"] > ABSOLUTE]
-        missing += bool(((varying["low"] > 0.0) | (varying["high"] < 0.0)).any())
+        run = simulate(scene, paths=4096, impacts=JUDGED_IMPACTS, rng=seed, **settings)
+        exact, planted = (missed(claim, run, z) for claim in (truth, wrong))
+        missing += exact.any()
+        assert planted.loc[[("mean", "tau"), ("sd", "y1"), ("mean", "y2")]].all()
     assert missing <= 3  # P(more than 3 of 12 | 5 %) = 0.002
 
 
-Z = widest(24)
+Z_OF_FEW = widest(24)
 
 
 @pytest.fixture(scope="module")
 def few():
     """A perfect closure, judged by sixty samples of four paths."""
-    scene = Scene.from_gears(DAT21, sigma=0.01)
+    scene = dat21(0.01)
     claim = Claimed(mean_map(scene, impacts=2, closure="saltation").section)
     runs = [simulate(scene, paths=4, impacts=2, rng=seed) for seed in range(60)]
-    return lambda: [section_errors([claim], run, Z, Tolerances()) for run in runs]
+    return lambda: [section_errors([claim], run, Z_OF_FEW, Tolerances()) for run in runs]
 
 
 def called_inaccurate(tables):
@@ -132,39 +123,15 @@ def test_few_paths_do_not_call_a_perfect_closure_inaccurate_and_judge_no_sd(few)
 
 
 def test_few_paths_with_normal_intervals_would(few, monkeypatch):
-    monkeypatch.setattr("rattle.compare.judge.rows.half_width", lambda *_: Z)
+    monkeypatch.setattr("rattle.compare.judge.rows.half_width", lambda *_: Z_OF_FEW)
     monkeypatch.setattr("rattle.montecarlo.diagnostics.reference.FEWEST_FOR_SD", 0)
     assert called_inaccurate(few()) > 30
-
-
-@pytest.mark.parametrize(
-    ("column", "change"),
-    [
-        ("tau", lambda s: s["tau"] + 0.2 * s["sd_tau"]),
-        ("sd_y1", lambda s: 1.3 * s["sd_y1"]),
-        ("y2", lambda s: -s["y2"]),
-    ],
-)
-def test_a_negative_control_is_inaccurate(truth, column, change):
-    run = ensemble(0.02, seed=7, paths=40_000)
-    z = widest(2 * len(section_names(2)) * IMPACTS)
-    wrong = truth.assign(**{column: change(truth)})
-    quantity = column.removeprefix("sd_")
-    moment = "sd" if column.startswith("sd_") else "mean"
-
-    def verdicts(claim):
-        table = section_errors([Claimed(claim)], run, z, Tolerances())
-        picked = table[(table["quantity"] == quantity) & (table["moment"] == moment)]
-        return picked[picked["unit"] > ABSOLUTE]["verdict"]
-
-    assert (verdicts(truth) == "accurate").all()
-    assert (verdicts(wrong) == "inaccurate").all()
 
 
 def test_rows_that_wait_for_a_rare_branch_are_decided_by_paths_near_it():
     """The sd of y2 at impact 3 has a kurtosis of 1,500 from 5 paths in 10,000; one off by a third
     is noticed."""
-    scene = Scene.from_gears(DAT21, sigma=0.1)
+    scene = dat21(0.1)
     run = simulate(scene, paths=8192, impacts=3, rng=1)
     exact = Claimed(simulate_rare(scene, paths=131_072, impacts=3, rng=2).section)
     wrong = Claimed(exact.section.assign(sd_y2=exact.section["sd_y2"] * [1.0, 1.0, 1.35]))

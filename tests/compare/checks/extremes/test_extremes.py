@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 from commands import rattle
 
-from rattle import closure, montecarlo
+from rattle import Scene, closure, montecarlo
 from rattle.compare.checks import extremes
 from rattle.compare.checks.check import farthest, run_checks
 from rattle.compare.checks.extremes import EXTREMES, extreme, runs
 from rattle.compare.checks.published import noise
 from rattle.compare.validation import validate as validation
-from rattle.scene import Scene, flight, impact, long_orbit, orbit
+from rattle.scene import flight, impact, long_orbit, orbit
 
-LONG = {
+LONG_ROWS = {
     "unit_of_length",
     "simultaneous",
     "sticking_paths",
@@ -30,7 +30,7 @@ tests."""
 
 
 @pytest.mark.parametrize(
-    "name", [pytest.param(r, marks=pytest.mark.slow) if r in LONG else r for r in EXTREMES]
+    "name", [pytest.param(r, marks=pytest.mark.slow) if r in LONG_ROWS else r for r in EXTREMES]
 )
 def test_row_holds(name):
     (result,) = run_checks({name: EXTREMES[name]})

@@ -13,9 +13,10 @@ import types
 import pytest
 from programs import python
 
+from rattle import Gears
 from rattle.compare.checks.check import run_checks
 from rattle.compare.checks.published import RESULTS
-from rattle.scene import Gears, impact, wheel
+from rattle.scene import impact, wheel
 
 pytestmark = pytest.mark.published
 
@@ -23,7 +24,7 @@ STRIKE = impact.reflect
 LOSS = impact.energy_loss
 COMPLETE = wheel.complete_wheels
 MU = Gears.mu.fget
-CHANGE = "-(1.0 + epsilon) * rate"
+RATE_CHANGE = "-(1.0 + epsilon) * rate"
 MUTATIONS = {
     "nothing": (STRIKE, "", ""),
     "share of the parent into that of the wheel": (
@@ -31,7 +32,7 @@ MUTATIONS = {
         "(1.0 - wheel.share) * change",
         "wheel.share * change",
     ),
-    "1 + epsilon into epsilon, mesh 2": (STRIKE, CHANGE, "-(epsilon + (mesh == 1)) * rate"),
+    "1 + epsilon into epsilon, mesh 2": (STRIKE, RATE_CHANGE, "-(epsilon + (mesh == 1)) * rate"),
     "an impact does not kick the gaps behind": (STRIKE, "other.ratio * moved", "0.0"),
     "mesh 2 does not kick y1": (STRIKE, "other.sign * others", "0.0"),
     "restitution of mesh 2 squared": (

@@ -2,16 +2,17 @@
 
 import math
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 from commands import rattle
+from places import EXAMPLES
+from scenes import dat21
 
+from rattle import DAT21, Scene
 from rattle.compare.checks.check import MOST_FALSE_ALARMS, Check, Subject, run_checks
 from rattle.compare.checks.published import RESULTS, bodies, impacts
 from rattle.montecarlo.statistics.intervals import widest
-from rattle.scene import DAT21, Scene
 
 pytestmark = pytest.mark.published
 
@@ -30,11 +31,11 @@ def test_result(results, name):
 
 
 def test_published_rigs_are_scenes_to_copy():
-    folder = Path(__file__).parents[4] / "examples" / "published"
+    folder = EXAMPLES / "published"
     paper, basins_of_two = (
         Scene.load(folder / name) for name in ("dat21.toml", "de-souza-caldas.toml")
     )
-    assert (paper, paper.gears) == (Scene.from_gears(DAT21, sigma=DAT21.alpha**0.5), DAT21)
+    assert (paper, paper.gears) == (dat21(DAT21.alpha**0.5), DAT21)
     assert replace(basins_of_two, start=None) == impacts.GEARS
 
 

@@ -1,13 +1,12 @@
 """The map: runs with admissible steps are unbiased or carry a diagnostic, and negative controls are
 rejected."""
 
-import json
 import re
 from dataclasses import replace
 
 import pandas as pd
 import pytest
-from commands import rattle
+from commands import manifest_of, rattle
 
 from rattle.compare.checks import extremes
 from rattle.compare.checks.extremes import extreme
@@ -24,10 +23,10 @@ from rattle.compare.checks.stability.chart import (
 from rattle.compare.checks.stability.page import answer
 from rattle.montecarlo import SCHEMES, default_step, largest_step
 
-PATHS = 8192
-Z = 4.5  # of the rows of all cells below at a family error below 1 %
+CHART_PATHS = 8192
+Z_OF_CHART = 4.5  # of the rows of all cells below at a family error below 1 %
 CORNERS = {"beta": 100.0, "gap": 1e-8, "sigma": 1e4, "epsilon": 1.0}
-EULER = [name for name, kind in SCHEMES.items() if kind.has_step_bias]
+STEPPED_SCHEMES = [name for name, kind in SCHEMES.items() if kind.has_step_bias]
 
 
 @pytest.fixture(scope="module")
@@ -35,15 +34,15 @@ def corner():
     return {
         axis: (
             scene := moderate(**{axis: value}),
-            reference(scene, paths=4 * PATHS, seed=1),
+            reference(scene, paths=4 * CHART_PATHS, seed=1),
         )
         for axis, value in CORNERS.items()
     }
 
 
-def verdict(scene, beside, scheme, share, paths=PATHS):
+def verdict(scene, beside, scheme, share, paths=CHART_PATHS):
     dt = share * largest_step(scene, scheme)[0]
-    return judge(scene, beside, scheme=scheme, dt=dt, paths=paths, seed=0, z=Z)
+    return judge(scene, beside, scheme=scheme, dt=dt, paths=paths, seed=0, z=Z_OF_CHART)
 
 
 @pytest.mark.parametrize("axis", CORNERS)
@@ -58,12 +57,12 @@ def test_admissible_steps_are_unbiased_or_diagnosed(corner, axis, scheme):
 
 
 @pytest.mark.parametrize("axis", CORNERS)
-@pytest.mark.parametrize("scheme", EULER)
+@pytest.mark.parametrize("scheme", STEPPED_SCHEMES)
 def test_longer_than_admissible_steps_are_biased_or_unstable(corner, axis, scheme):
     assert verdict(*corner[axis], scheme, 4.0, 2048).verdict in (BIASED, UNSTABLE)
 
 
-WRONG = {
+WRONG_FIELDS = {
     "drag": {"gamma1": 1.0, "gamma2": 0.5},
     "noise": {"sigma": 0.36},
     "restitution": {"epsilon": 0.85},
@@ -72,13 +71,13 @@ WRONG = {
 
 @pytest.fixture(scope="module")
 def middle():
-    return reference(moderate(), paths=2 * PATHS, seed=1)
+    return reference(moderate(), paths=2 * CHART_PATHS, seed=1)
 
 
-@pytest.mark.parametrize(("scheme", "wrong"), [*zip(SCHEMES, WRONG, strict=True)])
+@pytest.mark.parametrize(("scheme", "wrong"), [*zip(SCHEMES, WRONG_FIELDS, strict=True)])
 def test_negative_control_of_a_scheme_is_biased(middle, scheme, wrong):
-    control = replace(moderate(), **WRONG[wrong])
-    found = judge(control, middle, scheme=scheme, dt=5e-4, paths=PATHS, seed=0, z=Z)
+    control = replace(moderate(), **WRONG_FIELDS[wrong])
+    found = judge(control, middle, scheme=scheme, dt=5e-4, paths=CHART_PATHS, seed=0, z=Z_OF_CHART)
     assert found.verdict == BIASED
 
 
@@ -94,7 +93,7 @@ def test_restitution_of_nothing_has_no_limit():
     scene = moderate(epsilon=0.0)
     # any: it is not what decides
     beside = reference(moderate(epsilon=0.5), paths=1024, seed=1)
-    found = judge(scene, beside, scheme="euler-maruyama", dt=0.01, paths=1024, seed=0, z=Z)
+    found = judge(scene, beside, scheme="euler-maruyama", dt=0.01, paths=1024, seed=0, z=Z_OF_CHART)
     assert found.verdict == charts.COLLAPSING
     assert found.diagnosed
 
@@ -111,7 +110,7 @@ def test_command_writes_map_tables_and_page(tmp_path):
     opening = page[: page.index("\n## ")]
     assert "(verdicts.svg)" in opening
     assert opening.count("\n| ") == 3  # heads, and the worst cell of each scheme
-    answer = json.loads((folder / "manifest.json").read_text())["answer"]
+    answer = manifest_of(folder)["answer"]
     assert answer[0].startswith("Take `exact-flight`: at its default step ")
     rows = pd.read_csv(folder / "stability.csv")
     assert len(rows) == 2 * 2 * 7

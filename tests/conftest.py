@@ -1,7 +1,5 @@
 """What the tests of several folders share."""
 
-from pathlib import Path
-
 import pytest
 from commands import rattle
 
@@ -20,9 +18,3 @@ def small_report(tmp_path_factory):
 @pytest.fixture(scope="session")
 def validated(small_report):
     return small_report[0]
-
-
-@pytest.fixture(scope="session")
-def pair():
-    """The file of an engineer's gear pair, whose teeth stick and chatter."""
-    return Path(__file__).parent / "cli" / "pair.toml"
