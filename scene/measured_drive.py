@@ -200,14 +200,12 @@ def measure_drive(
         (rad/s^2, mm/s^2), as in ``time [ms], speed [rpm]``. Steps may be uneven; an angle may be
         wrapped.
     omega : float, optional
-        Frequency of the drive in rad/s; it is found to a fraction of 2 % around it.  May be left
-        out where `periods` is given, or where the file has the speed of the rotation over the
-        angle.
+        Frequency of the drive in rad/s, found to a fraction of 2 % around it.  Not needed with
+        `periods`, or where the file has the speed of the rotation over the angle.
     driver_radius : float, optional
         Base radius of the driver in mm, for a motion in rad.
     periods : int, optional
-        How many whole periods of the drive the file has, from its first sample to one step after
-        its last.
+        Whole periods of the drive in the file, from its first sample to one step after its last.
     periods_per_turn : int
         Over an angle: how often the drive repeats in a turn of the driver.
     highest_order : int
@@ -240,26 +238,38 @@ def measure_drive(
     (167.5, 0.4)
     """
     measured = read_measurement(file)
-    radius = 1.0
-    if measured.is_angular:
-        if driver_radius is None:
-            why = f"give it, in mm, for a drive in {measured.unit}"
-            raise InputError("gears.driver_radius", None, why)
-        radius = positive("gears.driver_radius", driver_radius)
+    radius = _read_radius(measured, driver_radius)
     highest = count("drive.highest_order", highest_order)
     per_turn = count("drive.periods_per_turn", periods_per_turn)
-    spikes = is_spike(measured.values)
-    phases = guess_phases(measured, ~spikes, omega, periods, per_turn, driver_radius)
+    good = ~is_spike(measured.values)
+    phases = guess_phases(measured, good, omega, periods, per_turn, driver_radius)
     slip = SLIP if periods is None else max(SLIP, 1.0 / periods)
-    best, *others = [follow(measured, ~spikes, guess, radius, highest, slip) for guess in phases]
-    for other in others:
-        if other.scatter < CLEARLY * best.scatter:
-            best = other
-    if best.coherence < COHERENT or (len(phases) == 1 and abs(best.shift) > 1.05 * slip):
+    followed = _choose_phase([follow(measured, good, one, radius, highest, slip) for one in phases])
+    if followed.coherence < COHERENT or (len(phases) == 1 and abs(followed.shift) > 1.05 * slip):
         name, value = ("gears.omega", omega) if periods is None else ("drive.periods", periods)
         why = f"is not in the file: its motion does not repeat within {percent(slip)} of it"
         raise InputError(name, value, why)
-    return _analyse(measured, best, highest, radius, periods, per_turn)
+    return _analyse(measured, followed, highest, radius, periods, per_turn)
+
+
+def _read_radius(measured: Measurement, driver_radius: float | None) -> float:
+    """The radius in mm that makes the motion one of the pitch circle; 1 where it is one already."""
+    if not measured.is_angular:
+        return 1.0
+    if driver_radius is None:
+        why = f"give it, in mm, for a drive in {measured.unit}"
+        raise InputError("gears.driver_radius", None, why)
+    return positive("gears.driver_radius", driver_radius)
+
+
+def _choose_phase(followed: list[Followed]) -> Followed:
+    """The motion at the first phase, or at a later one at which its periods scatter clearly
+    less."""
+    best, *others = followed
+    for other in others:
+        if other.scatter < CLEARLY * best.scatter:
+            best = other
+    return best
 
 
 def _analyse(

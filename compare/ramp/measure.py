@@ -27,7 +27,7 @@ from rattle.montecarlo.long_run.estimates import groups, most_unseen
 from rattle.montecarlo.long_run.paths import warm_up
 from rattle.montecarlo.long_run.ramp import RampPaths, count_impacts
 from rattle.montecarlo.looks import BUDGET_ENDED
-from rattle.montecarlo.seed import Rng, child_seed, read_seed
+from rattle.montecarlo.seed import Rng, Seed, child_seed, read_seed
 from rattle.montecarlo.statistics.intervals import half_width, tail_of
 from rattle.scene import Floats, InputError, Scene, compile_ahead, count, positive
 from rattle.scene.numpy_errors import numpy_defaults
@@ -90,11 +90,10 @@ def run_up(
 ) -> RunUp:
     """Rattle while the driver's mean speed changes slowly.
 
-    Impacts a second, power and speeds over the mean speed, with intervals: at constant speeds, and
-    in the ramp itself, whose difference is stated.  The excitation keeps its order: its frequency
-    is as many times the mean speed as in the file.  Its amplitude, torques and backlashes stay as
-    they were typed, drag over speed is read at each speed, and `sigma` stays as it is.  The ramp
-    also accelerates the mean rotation of the wheels, which adds to their drag.
+    Impacts a second, power and speeds over the mean speed, with intervals: at constant speeds, in
+    the ramp itself, and their difference.  The excitation keeps its order: its frequency is as many
+    times the mean speed as in the file.  Drag over speed is read at each speed; all else, `sigma`
+    too, stays as it was typed.  The ramp also accelerates the wheels, which adds to their drag.
 
     Parameters
     ----------
@@ -107,18 +106,15 @@ def run_up(
     points : int
         Speeds, evenly spaced from the first to the last.
     slow : float
-        Speed below which an impact is slow, dimensionless at the file's speed; at all others it is
-        the same in mm/s.
+        Speed below which an impact is slow, dimensionless at the file's speed; constant in mm/s.
     budget : float
-        Seconds of processor time, all threads together; compiling is not counted.  What does not
-        fit is left out, and named.
+        Seconds of processor time, without compiling; what does not fit is left out, and named.
     rng : int, SeedSequence, Generator or BitGenerator
         Seed.
     workers : int
         Threads; the result does not depend on it.
     progress : str, optional
-        Label of a progress bar on a terminal or in a notebook; with it the expected time is logged
-        first.
+        Label of a progress bar, on a terminal or in a notebook; the expected time is logged first.
 
     Returns
     -------
@@ -137,25 +133,32 @@ def run_up(
     >>> speed = {"speed_rpm": 800.0, "driver_radius": 32.0, "omega": 167.6}
     >>> gears = Gears.driven(amplitude=0.2, epsilon=0.9, **speed, **wheel)
     >>> scene = Scene.from_gears(gears, sigma=0.1, stages=1)
-    >>> found = run_up(scene, rpm=(800.0, 1600.0), seconds=2.0, points=2, budget=5.0)
-    >>> list(found.points["rpm"])
+    >>> run_up(scene, rpm=(800.0, 1600.0), seconds=2.0, points=2, budget=5).points["rpm"].tolist()
     [800.0, 1600.0]
     """
     ramp = read_ramp(scene, rpm, seconds, slow)
     count("points", points, least=2)
     count("workers", workers)
     positive("budget", budget)
-    given = read_seed(rng)
-    seed = np.random.SeedSequence(given) if isinstance(given, int) else given
+    seed = read_seed(rng)
     if ramp.periods < FEWEST_IN_A_POINT * points:
         why = f"is too short: {ramp.periods} periods of the excitation for {points} speeds"
         raise InputError("seconds", seconds, f"{why}; give more of them, or fewer points")
     ramp.stretches(COARSER)  # a speed that the gears cannot have is refused before any work
+    return _measure(ramp, points, budget, seed, workers, progress)
+
+
+def _measure(
+    ramp: SpeedRamp, points: int, budget: float, rng: Seed, workers: int, progress: str | None
+) -> RunUp:
+    """Follow the constant speeds, then the ramp, as far as the budget goes."""
+    scene = ramp.scene
+    seed = np.random.SeedSequence(rng) if isinstance(rng, int) else rng
     compile_ahead.expect("stationary", len(scene.drive))
     limit = Budget(budget + CLOCK_SPARE[0] * budget + CLOCK_SPARE[1])
     do("run-up: compiling")
     with limit.pause():
-        warm_up(scene, slow)
+        warm_up(scene, ramp.slow)
     speeds = np.linspace(ramp.first, ramp.last, points).tolist()
     do("run-up: counting impacts at every speed")
     plan = plan_work(ramp, speeds, budget, seed)
@@ -181,7 +184,7 @@ def run_up(
         first=ramp.first,
         last=ramp.last,
         seconds=ramp.seconds,
-        slow=slow,
+        slow=ramp.slow,
         table=table[~whole].drop(columns="effective_paths").reset_index(drop=True),
         points=_tabulate_points(ramp, [*runs, *left_out]),
         thresholds=_find_thresholds(ramp, sorted(speeds)),

@@ -4,6 +4,7 @@ import time
 from collections.abc import Iterator
 from copy import deepcopy
 from dataclasses import replace
+from typing import TypeVar
 
 import numpy as np
 
@@ -17,6 +18,8 @@ from rattle.montecarlo.statistics.records import Batches, Histograms
 from rattle.scene import InputError, Scene, check_scene, choice
 from rattle.scene.numpy_errors import numpy_defaults
 from rattle.scene.progress import ProgressBar
+
+Choice = TypeVar("Choice", Record, Sampling)
 
 
 @numpy_defaults
@@ -41,10 +44,8 @@ def simulate(
     ----------
     scene : Scene
         What is modelled.
-    paths : int
-        Number of independent paths.
-    impacts : int
-        Impacts of each path after the start.
+    paths, impacts : int
+        Number of independent paths, and impacts of each after the start.
     dt : float
         Step, at most `rattle.montecarlo.largest_step`; by default that of the scheme (pi / 96 for
         exact flights, 0.002 for Euler-Maruyama), shortened where the scene demands it.
@@ -62,8 +63,7 @@ def simulate(
     progress : str
         Label of a progress bar on a terminal or in a notebook; none by default, and none in a pipe.
     sampling : Sampling
-        What few runs need: a control variate, two-point increments, a time limit, or who runs
-        blocks of paths.
+        What few runs need: a control variate, two-point increments, a time limit, who runs blocks.
 
     Returns
     -------
@@ -83,21 +83,25 @@ def simulate(
     [2.0, 1.0, 1000.0, 1.0]
     """
     check_scene(scene)
-    record = Record() if record is None else record
-    if not isinstance(record, Record):
-        raise InputError("record", record, "give a Record, as in record=Record(times=[1.0, 2.0])")
+    record = _read_choice("record", record, Record, "times=[1.0, 2.0]")
     scheme = choice("scheme", scheme, SCHEMES)
-    sampling = Sampling() if sampling is None else sampling
-    if not isinstance(sampling, Sampling):
-        raise InputError(
-            "sampling", sampling, "give a Sampling, as in sampling=Sampling(control=True)"
-        )
+    sampling = _read_choice("sampling", sampling, Sampling, "control=True")
     if record.step_bias is None and SCHEMES[scheme].has_step_bias:
         record = replace(record, step_bias=dt is None or is_admissible(scene, dt, scheme, COARSEST))
     dt = default_step(scene, scheme, bool(record.step_bias)) if dt is None else dt
     plan = plan_of(scene, paths, impacts, dt, scheme, read_seed(rng), workers, record, sampling)
     blocks = sampling.blocks or in_threads(workers)
     return _gather(plan, paths, blocks(plan, 0), record, progress)
+
+
+def _read_choice(name: str, given: Choice | None, kind: type[Choice], example: str) -> Choice:
+    """What was given, or else the default; refuse what is of another kind."""
+    chosen = kind() if given is None else given
+    if not isinstance(chosen, kind):
+        type_name = kind.__name__
+        why = f"give a {type_name}, as in {name}={type_name}({example})"
+        raise InputError(name, chosen, why)
+    return chosen
 
 
 def _gather(
