@@ -197,8 +197,7 @@ def measure_drive(
         A CSV file (comma, semicolon or tab), or its text.  Its first line names two columns with
         their units: ``time`` in s or ms, or the crank ``angle`` in deg or rad; and the driver's
         ``displacement`` (rad, deg, mm), ``speed`` (rad/s, rpm, deg/s, mm/s) or ``acceleration``
-        (rad/s^2, mm/s^2), as in ``time [ms], speed [rpm]``. Steps may be uneven; an angle may be
-        wrapped.
+        (rad/s^2, mm/s^2), as in ``time [ms], speed [rpm]``.  Steps may be uneven, an angle wrapped.
     omega : float, optional
         Frequency of the drive in rad/s, found to a fraction of 2 % around it.  Not needed with
         `periods`, or where the file has the speed of the rotation over the angle.
@@ -244,12 +243,13 @@ def measure_drive(
     good = ~is_spike(measured.values)
     phases = guess_phases(measured, good, omega, periods, per_turn, driver_radius)
     slip = SLIP if periods is None else max(SLIP, 1.0 / periods)
-    followed = _choose_phase([follow(measured, good, one, radius, highest, slip) for one in phases])
-    if followed.coherence < COHERENT or (len(phases) == 1 and abs(followed.shift) > 1.05 * slip):
+    each = [follow(measured, good, guess, radius, highest, slip) for guess in phases]
+    best = each[-1] if each[-1].scatter < CLEARLY * each[0].scatter else each[0]  # of one or two
+    if best.coherence < COHERENT or (len(phases) == 1 and abs(best.shift) > 1.05 * slip):
         name, value = ("gears.omega", omega) if periods is None else ("drive.periods", periods)
         why = f"is not in the file: its motion does not repeat within {percent(slip)} of it"
         raise InputError(name, value, why)
-    return _analyse(measured, followed, highest, radius, periods, per_turn)
+    return _analyse(measured, best, highest, radius, periods, per_turn)
 
 
 def _read_radius(measured: Measurement, driver_radius: float | None) -> float:
@@ -260,16 +260,6 @@ def _read_radius(measured: Measurement, driver_radius: float | None) -> float:
         why = f"give it, in mm, for a drive in {measured.unit}"
         raise InputError("gears.driver_radius", None, why)
     return positive("gears.driver_radius", driver_radius)
-
-
-def _choose_phase(followed: list[Followed]) -> Followed:
-    """The motion at the first phase, or at a later one at which its periods scatter clearly
-    less."""
-    best, *others = followed
-    for other in others:
-        if other.scatter < CLEARLY * best.scatter:
-            best = other
-    return best
 
 
 def _analyse(

@@ -37,7 +37,6 @@ from rattle.scene.long_orbit import LongOrbit
 
 CLAIMED = (0.2, 1.7)
 """Range of alpha that the paper claims to be chaotic (section 4)."""
-SQRT_LAW = "the square-root law"
 IMPACTS_FOLLOWED = 400  # impacts through which moments are followed
 IMPACTS_OF_SPREAD = 2000  # impacts of the orbit from which the sd of its own y1 is taken
 # a closure's sd of y1 above this fraction of the orbit's own no longer localises the state
@@ -135,7 +134,7 @@ def study(
     limit = None if math.isinf(effort.budget) else Budget(effort.budget)
     sizes = Sizes(effort, bool(scenes))
     missing: dict[str, str] = {}
-    swept = view = None
+    law = finite = swept = view = None
     progress("exponents")
     longest = sizes.longest()
     orbit = lyapunov(scene, width=width, longest=longest)
@@ -150,7 +149,14 @@ def study(
         scene, impacts=impacts, segments=segments, seed=seed, workers=workers, missing=missing
     )
     progress("two paths on the same noise")
-    law, finite = _separate_paths(scene, drift, sizes, missing)
+    if drift.regime.has_record:
+        events = sizes.events()
+        with leave_out(missing, "the square-root law"):
+            law = sqrt_law(scene, impacts=events, seed=seed)
+        finite = finite_size(scene, events=events, seed=seed, workers=workers)
+    else:  # two paths that stick are one from then on, and a rest has impacts without end
+        apart = ("the square-root law", "the finite-size exponents")
+        missing |= dict.fromkeys(apart, f"the noisy path {drift.regime.brief}")
     if scenes:
         chosen, longest = sizes.sweep(scenes)
         sweep = FieldSweep(chosen, field, seed, workers, folder, limit)
@@ -162,36 +168,7 @@ def study(
         progress(f"bifurcation diagram at {len(chosen)} values of {field}")
         with leave_out(missing, "the bifurcation diagram"):
             view = sweep.bifurcation()
+    reduced = sizes.describe()
     return ChaosStudy(
-        scene,
-        orbit,
-        drift,
-        maps,
-        drawn,
-        power,
-        law,
-        finite,
-        field,
-        swept,
-        view,
-        missing,
-        sizes.describe(),
+        scene, orbit, drift, maps, drawn, power, law, finite, field, swept, view, missing, reduced
     )
-
-
-def _separate_paths(
-    scene: Scene, drift: Exponents, sizes: Sizes, missing: dict[str, str]
-) -> tuple[SqrtLaw | None, pd.DataFrame | None]:
-    """Measure how two paths on the same noise separate: by the square-root law, and by the
-    finite-size exponents."""
-    if not drift.regime.has_record:
-        # two paths that stick are one from then on, and a rest has impacts without end
-        absent = (SQRT_LAW, "the finite-size exponents")
-        missing |= dict.fromkeys(absent, f"the noisy path {drift.regime.brief}")
-        return None, None
-    effort = sizes.effort
-    events = sizes.events()
-    law = None
-    with leave_out(missing, SQRT_LAW):
-        law = sqrt_law(scene, impacts=events, seed=effort.seed)
-    return law, finite_size(scene, events=events, seed=effort.seed, workers=effort.workers)

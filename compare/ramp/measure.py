@@ -175,8 +175,8 @@ def _measure(
     if fine is not None:
         table = _judge(table, list(known), plan.speeds)
         overall = _compare_overall(table[whole], fine, coarse)
-    left_out = [SteadyRun(rpm, None, "left out: beyond the budget") for rpm in plan.left_out]
-    complete = plan.complete if left_out or fine is None else 0.0
+    runs += [SteadyRun(rpm, None, "left out: beyond the budget") for rpm in plan.left_out]
+    complete = plan.complete if plan.left_out or fine is None else 0.0
     if limit.remaining < 0.0:  # the plan has expected too little
         complete = max(plan.complete, 2.0 * budget)
     return RunUp(
@@ -186,7 +186,7 @@ def _measure(
         seconds=ramp.seconds,
         slow=ramp.slow,
         table=table[~whole].drop(columns="effective_paths").reset_index(drop=True),
-        points=_tabulate_points(ramp, [*runs, *left_out]),
+        points=_tabulate_points(ramp, runs),
         thresholds=_find_thresholds(ramp, sorted(speeds)),
         overall=overall,
         added_torque=tuple(ramp.added_torque(wheel) for wheel in range(1, scene.stages + 1)),
@@ -391,7 +391,7 @@ def _compare_overall(whole: pd.DataFrame, fine: RampSums, coarse: RampSums | Non
 def _tabulate_points(ramp: SpeedRamp, runs: list[SteadyRun]) -> pd.DataFrame:
     """Every speed: excitation, drag and threshold of each wheel, and what was run there."""
     rows = []
-    for run in sorted(runs, key=lambda run: run.rpm):
+    for run in sorted(runs):
         row: Facts = {"rpm": run.rpm, "omega": float(ramp.omega_at(np.array(run.rpm)))}
         for wheel in rattle_threshold(ramp.scene_at(run.rpm)):
             row[f"drag{wheel.wheel}"] = wheel.drag
@@ -407,13 +407,13 @@ def _tabulate_points(ramp: SpeedRamp, runs: list[SteadyRun]) -> pd.DataFrame:
 def _find_thresholds(ramp: SpeedRamp, speeds: list[float]) -> pd.DataFrame:
     """Where closed teeth of each wheel begin to open over the speed; without a speed: nowhere, and
     whether they open everywhere."""
-    rows: list[tuple[str, int, float, bool]] = []
+    rows: list[tuple[str, int, float, bool, str]] = []
     for motion, wheel in product(("constant speed", "ramp"), range(1, ramp.scene.stages + 1)):
         in_ramp = motion == "ramp"
         crossings = ramp.openings(wheel, speeds, in_ramp)
         if not crossings:
             opens = ramp.opens(wheel, speeds[0], in_ramp)
             crossings = [(np.nan, opens)]
-        rows += [(motion, wheel, rpm, opens) for rpm, opens in crossings]
-    crossed = pd.DataFrame(rows, columns=["motion", "wheel", "rpm", "opens"])
-    return crossed.assign(name=[ramp.scene.wheel_names[row[1] - 1] for row in rows])
+        name = ramp.scene.wheel_names[wheel - 1]
+        rows += [(motion, wheel, rpm, opens, name) for rpm, opens in crossings]
+    return pd.DataFrame(rows, columns=["motion", "wheel", "rpm", "opens", "name"])

@@ -54,9 +54,8 @@ def stationary(
     workers: int = 1,
     progress: str | None = None,
 ) -> Stationary:
-    """The stationary motion of a scene, with errors.
+    """The stationary motion of a scene: rates, speeds and energies, with errors.
 
-    Rates, speeds, energies, and the share of slow impacts.
     Where teeth chatter, most impacts are too slow to matter: ``rate_above`` and ``speed_above`` are
     of impacts that are not slow.
 
@@ -90,13 +89,11 @@ def stationary(
         Closures that ``verdicts`` of the result judges, by default all that apply to the scene;
         computed when that is asked for.
     rng : int, SeedSequence, Generator or BitGenerator
-        Seed.  The result is the same bit for bit for any number of workers.  A generator of numpy
-        gives a child of its seed sequence, another one each time that it is passed.
+        Seed; a generator of numpy gives a child of its seed sequence, another one each time.
     workers : int
-        Threads.
+        Threads; the result is the same bit for bit for any number.
     progress : str, optional
-        Label of a progress bar on a terminal or in a notebook; with it the expected time is logged
-        first.
+        Label of a progress bar, on a terminal or in a notebook; the expected time is logged first.
 
     Returns
     -------
@@ -157,7 +154,7 @@ def stationary(
         table["autocorrelation"] = math.nan
     settled = run.burn_in
     kinds = [] if settled.reached else _attractors(scene, orbit)
-    says_something = bool((table["low"].reindex(ASKED) > 0.0).all())
+    says_something = (table["low"].reindex(ASKED) > 0.0).all()
     if len(kinds) > 1 and settled.keeps_apart and not says_something:
         never_met = refuse_burn_in(settled.periods, settled.drift, settled.apart)
         raise _name_attractors(never_met, kinds, scene)

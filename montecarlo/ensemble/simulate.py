@@ -4,7 +4,6 @@ import time
 from collections.abc import Iterator
 from copy import deepcopy
 from dataclasses import replace
-from typing import TypeVar
 
 import numpy as np
 
@@ -18,8 +17,6 @@ from rattle.montecarlo.statistics.records import Batches, Histograms
 from rattle.scene import InputError, Scene, check_scene, choice
 from rattle.scene.numpy_errors import numpy_defaults
 from rattle.scene.progress import ProgressBar
-
-Choice = TypeVar("Choice", Record, Sampling)
 
 
 @numpy_defaults
@@ -38,26 +35,22 @@ def simulate(
 ) -> Ensemble:
     """Simulate an ensemble of paths of Eqs. 5 and 6 with both impact rules.
 
-    `rattle.montecarlo.simulate_to` chooses scheme, step and number of paths for an accuracy.
-
     Parameters
     ----------
     scene : Scene
         What is modelled.
     paths, impacts : int
-        Number of independent paths, and impacts of each after the start.
+        Independent paths, and impacts of each after the start.  `rattle.montecarlo.simulate_to`
+        chooses scheme, step and number of paths for an accuracy.
     dt : float
-        Step, at most `rattle.montecarlo.largest_step`; by default that of the scheme (pi / 96 for
-        exact flights, 0.002 for Euler-Maruyama), shortened where the scene demands it.
-        `Ensemble.diagnostics` says what it may do.
+        Step, at most `rattle.montecarlo.largest_step`; by default the scheme's (pi / 96, or 0.002
+        for Euler-Maruyama), shortened where the scene demands it; see `Ensemble.diagnostics`.
     scheme : {"exact-flight", "euler-maruyama-located", "euler-maruyama"}
-        Name of one of `rattle.montecarlo.SCHEMES`.  The bias of an Euler-Maruyama step is measured
-        and stands beside the moments, unless ``record=Record(step_bias=False)``.
+        The bias of an Euler-Maruyama step is measured, unless ``record=Record(step_bias=False)``.
     rng : int, SeedSequence, Generator or BitGenerator
-        Seed.  The result is the same bit for bit for any number of workers.  A generator of numpy
-        gives a child of its seed sequence, another one each time that it is passed.
+        Seed; a generator of numpy gives a child of its seed sequence, another one each time.
     workers : int
-        Threads.
+        Threads; the result is the same bit for bit for any number.
     record : Record
         What is recorded beside the section moments; nothing by default.
     progress : str
@@ -83,25 +76,20 @@ def simulate(
     [2.0, 1.0, 1000.0, 1.0]
     """
     check_scene(scene)
-    record = _read_choice("record", record, Record, "times=[1.0, 2.0]")
+    record = Record() if record is None else record
+    if not isinstance(record, Record):
+        raise InputError("record", record, "give a Record, as in record=Record(times=[1.0, 2.0])")
     scheme = choice("scheme", scheme, SCHEMES)
-    sampling = _read_choice("sampling", sampling, Sampling, "control=True")
+    sampling = Sampling() if sampling is None else sampling
+    if not isinstance(sampling, Sampling):
+        why = "give a Sampling, as in sampling=Sampling(control=True)"
+        raise InputError("sampling", sampling, why)
     if record.step_bias is None and SCHEMES[scheme].has_step_bias:
         record = replace(record, step_bias=dt is None or is_admissible(scene, dt, scheme, COARSEST))
     dt = default_step(scene, scheme, bool(record.step_bias)) if dt is None else dt
     plan = plan_of(scene, paths, impacts, dt, scheme, read_seed(rng), workers, record, sampling)
     blocks = sampling.blocks or in_threads(workers)
     return _gather(plan, paths, blocks(plan, 0), record, progress)
-
-
-def _read_choice(name: str, given: Choice | None, kind: type[Choice], example: str) -> Choice:
-    """What was given, or else the default; refuse what is of another kind."""
-    chosen = kind() if given is None else given
-    if not isinstance(chosen, kind):
-        type_name = kind.__name__
-        why = f"give a {type_name}, as in {name}={type_name}({example})"
-        raise InputError(name, chosen, why)
-    return chosen
 
 
 def _gather(
