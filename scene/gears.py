@@ -223,7 +223,8 @@ class Gears:
         torque2_over_rpm: DragLaw | None = None,
         **values: Any,
     ) -> "Gears":
-        """Gears whose drive is given as an amplitude of the driver's motion, or at its mean speed.
+        """Gears whose drive is given as the amplitude of the driver's motion, or with the mean
+        speed of the driver.
 
         Parameters
         ----------

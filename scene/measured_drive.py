@@ -197,14 +197,17 @@ def measure_drive(
         A CSV file (comma, semicolon or tab), or its text.  Its first line names two columns with
         their units: ``time`` in s or ms, or the crank ``angle`` in deg or rad; and the driver's
         ``displacement`` (rad, deg, mm), ``speed`` (rad/s, rpm, deg/s, mm/s) or ``acceleration``
-        (rad/s^2, mm/s^2), as in ``time [ms], speed [rpm]``.  Steps may be uneven, an angle wrapped.
+        (rad/s^2, mm/s^2), as in ``time [ms], speed [rpm]``. Steps may be uneven; an angle may be
+        wrapped.
     omega : float, optional
-        Frequency of the drive in rad/s, found to a fraction of 2 % around it.  Not needed with
-        `periods`, or where the file has the speed of the rotation over the angle.
+        Frequency of the drive in rad/s; it is found to a fraction of 2 % around it.  May be left
+        out where `periods` is given, or where the file has the speed of the rotation over the
+        angle.
     driver_radius : float, optional
         Base radius of the driver in mm, for a motion in rad.
     periods : int, optional
-        Whole periods of the drive in the file, from its first sample to one step after its last.
+        How many whole periods of the drive the file has, from its first sample to one step after
+        its last.
     periods_per_turn : int
         Over an angle: how often the drive repeats in a turn of the driver.
     highest_order : int

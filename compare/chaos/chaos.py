@@ -130,14 +130,18 @@ def chaos(
     scene : Scene
         What is modelled; with `Scene.sigma` 0 there is no noisy path.
     over : sequence of float
-        Values of `field` over which exponents and a bifurcation diagram are measured too.
+        Values of `field`, over which the exponents and a bifurcation diagram are measured too; none
+        by default.
     field : str
         A field of the scene, or a value of its gears (``backlash1``).
     width : float
         Widest 95 % interval of a largest exponent; a wider one is reported as it is.
-    points, impacts, events : int
-        Points of each Poincare section, 100 or more; impacts of the spectra, 20,000 or more; pairs
-        of paths behind each figure of two paths on the same noise, 128 or more.
+    points : int
+        Points of each Poincare section, 100 or more.
+    impacts : int
+        Impacts of the spectra, 20,000 or more.
+    events : int
+        Pairs of paths behind each figure of two paths on the same noise, 128 or more.
     budget : float, optional
         Seconds of processor time, all threads together; compiling is not counted.  What does not
         fit is made smaller by counted work: fewer points, impacts, pairs and values, and wider

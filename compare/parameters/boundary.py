@@ -114,11 +114,12 @@ def boundary(
 ) -> Boundary:
     """Find where along a parameter a closure stops holding.
 
-    It is accurate up to one value and shown wrong from another: a coarse scan, then halving of the
-    logarithm wherever the verdict changes.  At each value paths are added, at most 1,048,576, until
-    every section mean and sd is accurate or one is inaccurate, as `validate` judges them.  What is
-    said of the whole search is right with 95 % probability: all looks at all values are counted.
-    Nothing is said between the values of the scan: the range of validity need not be an interval.
+    It is accurate up to one value and shown wrong from another.
+    A coarse scan, then halving of the logarithm wherever the verdict changes.  At each value paths
+    are added until every section mean and sd is accurate or one is inaccurate, as `validate` judges
+    them, at most 1,048,576.  What is said of the whole search is right with 95 % probability: all
+    looks at all values are counted.  Between the values of the scan nothing is said: the range of
+    validity need not be an interval.
 
     Parameters
     ----------
@@ -127,16 +128,18 @@ def boundary(
     closure : str, callable or Closure
         The closure: a name, or one's own as in `validate`.
     over : str
-        A value of the gears in physical units (``torque1``, ``amplitude``, ...), a field of the
-        scene (``alpha``, ``correlation_time``, ``start.y1``, ...), of an order of the drive
-        (``drive.2.amplitude``), or ``sigma``.
+        A parameter: a value of the gears in physical units (``torque1``, ``amplitude``, ...), a
+        field of the scene (``alpha``, ``correlation_time``, ``start.y1``, ...), of an order of the
+        drive (``drive.2.amplitude``), or ``sigma``.
     between : pair of float, optional
         Where to search; for ``sigma`` 0.001 to 2 by default, else a fourth of the scene's own value
         to four times it, or as far as a scene can have it.
     near : iterable of float
         Where an edge is expected: tried, in this order, before halving.
-    impacts, points : int
-        Impacts that must be accurate, and values of the scan.
+    impacts : int
+        Impacts that must be accurate.
+    points : int
+        Values of the scan.
     width : float
         To which every edge is narrowed: 0.1 for ± 10 %.
     tolerances : Tolerances, optional
@@ -146,15 +149,17 @@ def boundary(
     folder : path, optional
         Where results are stored: the same search continues there after an interruption.
     budget : float, optional
-        Seconds of processor time, without compiling and the closure itself; None for no limit.  A
-        look at more paths that would take more than a fourth of what is left is not begun, and its
-        value stays undecided.  With a `folder`, a larger budget continues.
+        Seconds of processor time, all threads together; compiling and the closure itself are not
+        counted.  A look at more paths that would take more than a fourth of what is left is not
+        begun, and its value stays undecided.  With a `folder`, a larger budget continues.  None for
+        no limit.
     rng : int, SeedSequence, Generator or BitGenerator
         Seed; a generator of numpy gives a child of its seed sequence, another one each time.
     workers : int
         Threads; the result does not depend on it.
     progress : str, optional
-        Label of a progress bar, on a terminal or in a notebook; the expected time is logged first.
+        Label of a progress bar on a terminal or in a notebook; with it the expected time is logged
+        first.
 
     Returns
     -------

@@ -176,8 +176,9 @@ def crossing(
     For one: from which drag torque on is a pair quiet.  A coarse scan, then halving of the
     logarithm wherever the quantity changes sides.  At each value long runs of 16 paths and 64
     periods, then of 64 paths and 64 to 4,096 periods, are made until its interval is on one side of
-    the level.  What is said of the whole search is right with 95 % probability, and nothing is said
-    between the values of the scan: a quantity may cross the level more than once.
+    the level.  What is said of the
+    whole search is right with 95 % probability: all looks at all values are counted.  Between the
+    values of the scan nothing is said: a quantity may cross the level more than once.
 
     Parameters
     ----------
@@ -188,12 +189,29 @@ def crossing(
         ``q95_speed_above``, ...
     level : float
         The level; for a scene with gears in physical units (impacts per second, mW, mm/s).
+    over : str
+        A parameter, as in `boundary`.
+    between : pair of float, optional
+        Where to search, as in `boundary`.
+    points : int
+        Values of the scan.
+    width : float
+        To which every crossing is narrowed: 0.1 for ± 10 %.
     slow : float
         Speed below which an impact counts as slow; of gears it stays the same in mm/s.
-    over, between, points, width, folder, budget, rng, workers, progress
-        As in `boundary`: a parameter, and where to search; values of the scan, and to which width
-        every crossing is narrowed; where results are stored, and the processor time; seed, threads,
-        and label of a progress bar.
+    folder : path, optional
+        Where results are stored: the same search continues there after an interruption.
+    budget : float, optional
+        Seconds of processor time, all threads together; compiling is not counted.  A longer run
+        that would take more than a fourth of what is left is not begun, and its value stays
+        undecided.  With a `folder`, a larger budget continues.  None for no limit.
+    rng : int, SeedSequence, Generator or BitGenerator
+        Seed; a generator of numpy gives a child of its seed sequence, another one each time.
+    workers : int
+        Threads; the result does not depend on it.
+    progress : str, optional
+        Label of a progress bar on a terminal or in a notebook; with it the expected time is logged
+        first.
 
     Returns
     -------

@@ -165,9 +165,10 @@ def boundary_map(
 ) -> BoundaryMap:
     """Trace the curve along which a closure stops holding.
 
-    It is a `boundary` at each value of a second parameter: at the ends first, then between them,
-    where what was found on both sides says where each search begins.  What is said of the whole map
-    is right with 95 % probability, and nothing is said between the values.
+    It is a `boundary` at each value of a second parameter.
+    The first and the last value are searched first, then those between; what was found on both
+    sides says where each search begins.  What is said of the whole map is right with 95 %
+    probability.  Nothing is said between the values.
 
     Parameters
     ----------
@@ -179,18 +180,22 @@ def boundary_map(
         Its range; half its own value to twice it by default, or as far as a scene can have it.
     values : int
         How many values of it, evenly spaced in the logarithm.
-    closure, over
-        The closure, and the parameter along which each search goes, as in `boundary`.
+    closure : str, callable or Closure
+        The closure, as in `boundary`.
+    over : str
+        The parameter along which each search goes, as in `boundary`.
     folder : path, optional
         Where results are stored: the same map continues there after an interruption.
     budget : float, optional
-        Seconds of processor time, shared equally by the searches; without it there is no limit.
+        Seconds of processor time, all threads together, shared equally by the searches; what they
+        leave undecided is said.  Without it there is no limit.
     workers : int
         Threads; the result does not depend on it.
     scheduler : str, optional
         Address of a running Dask cluster that computes instead, as in ``tcp://host:8786``.
     progress : bool
-        Whether to log the expected time, and to show a bar on a terminal or in a notebook.
+        Whether to show a progress bar on a terminal or in a notebook, and to log the expected time
+        first.
     **settings
         Those of `boundary`: `between`, `impacts`, `points`, `width`, `tolerances` and `rng`.
 
@@ -201,7 +206,8 @@ def boundary_map(
     Raises
     ------
     InputError
-        For an unknown closure or parameter, or values of both that no scene can have together.
+        For an unknown closure or parameter, or values of both that no scene can have together;
+        before any search.
 
     Examples
     --------

@@ -125,9 +125,11 @@ def closure_sensitivity(
     """Judge what a closure says that 1 % more of each parameter does to its section moments.
 
     The closure's change is a central difference; the simulated one is that of paths with the same
-    random numbers at 0.5 and 1 % less and more, from the same start in dimensionless numbers.  A
-    change is accurate if its interval of error is within 5 % (means) or 10 % (sds) of it, or of 1 %
-    of the sd where that is more; excluded where both steps differ, as if another mesh comes first.
+    random numbers at 0.5 and 1 % less and more, in independent groups, as in `sensitivity`; the
+    start stays as it is in dimensionless numbers.  A change is accurate if the whole interval of
+    its error is within 5 % (means) or 10 % (sds) of the change itself, or of 1 % of the standard
+    deviation where that is more.  Where both steps differ it is not linear and excluded, as where
+    another mesh is struck first.
 
     Parameters
     ----------
@@ -137,18 +139,23 @@ def closure_sensitivity(
         The closure: a name, or one's own as in `validate`.
     parameters : sequence of str, optional
         Parameters to change, as in `sensitivity`; all that are not 0 by default.
-    impacts, paths : int
-        Impacts that are judged, and paths of each scene, 1,024 or more.
+    impacts : int
+        Impacts that are judged.
+    paths : int
+        Paths of each scene, 1,024 or more.
     tolerances : Tolerances, optional
         In place of 5 and 10 %.
     budget : float, optional
-        Processor time in s after which no more paths are begun; a fourth of them are in any case.
+        Seconds of processor time after which no more paths are begun; a fourth of them are in any
+        case.
     rng : int, SeedSequence, Generator or BitGenerator
         Seed; a generator of numpy gives a child of its seed sequence, another one each time.
+        The result is the same for any number of workers.
     workers : int
-        Threads; the result does not depend on it.
+        Threads.
     progress : str, optional
-        Label of a progress bar, on a terminal or in a notebook; the expected time is logged first.
+        Label of a progress bar on a terminal or in a notebook; with it the expected time is logged
+        first.
 
     Returns
     -------

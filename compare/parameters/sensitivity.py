@@ -190,11 +190,13 @@ def sensitivity(
     workers: int = 1,
     progress: str | None = None,
 ) -> Sensitivity:
-    """Find what 1 % more of each parameter does to the rattle: its rate, energy and speeds.
+    """Find what 1 % more of each parameter does to the rattle.
 
+    The rattle is its impacts per unit of time, the energy that they lose, and their speeds.
     The effect is a central difference of logarithms, from long runs with the parameter 2 and 4 % up
-    and down and the same random numbers.  Where both steps differ by more than chance it is that of
-    a small step; where they differ by a tenth of it, it is called not linear, as in chaos.
+    and down, all with the same random numbers.  Where both steps differ by more than chance it is
+    extrapolated to a small step; where they differ by a tenth of it, it is called not linear:
+    chaotic motion has windows in which it is another.
 
     Parameters
     ----------
@@ -207,18 +209,22 @@ def sensitivity(
     parameters : sequence of str, optional
         Parameters to change; all that are not 0 by default.
     accuracy : float
-        Largest half width of the 95 % intervals: 0.001 is 0.1 % for 1 % more of a parameter.
+        Largest half width of the 95 % intervals of the effects: 0.001 is 0.1 % for 1 % of a
+        parameter.
     slow : float
         Speed below which an impact counts as slow; of gears it stays the same in mm/s.
     budget : float, optional
-        Seconds of processor time, without compiling: for all parameters first, then for those with
-        wide intervals, so that a smaller budget gives wider ones.  None for no limit.
+        Seconds of processor time, all threads together; compiling is not counted.  All parameters
+        are looked at first, then those with wide intervals are followed further, so that a smaller
+        budget gives wider intervals.  None for no limit.
     rng : int, SeedSequence, Generator or BitGenerator
         Seed; a generator of numpy gives a child of its seed sequence, another one each time.
+        The result is the same for any number of workers.
     workers : int
-        Threads; the result does not depend on it.
+        Threads.
     progress : str, optional
-        Label of a progress bar, on a terminal or in a notebook; the expected time is logged first.
+        Label of a progress bar on a terminal or in a notebook; with it the expected time is logged
+        first.
 
     Returns
     -------

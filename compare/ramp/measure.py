@@ -90,10 +90,11 @@ def run_up(
 ) -> RunUp:
     """Rattle while the driver's mean speed changes slowly.
 
-    Impacts a second, power and speeds over the mean speed, with intervals: at constant speeds, in
-    the ramp itself, and their difference.  The excitation keeps its order: its frequency is as many
-    times the mean speed as in the file.  Drag over speed is read at each speed; all else, `sigma`
-    too, stays as it was typed.  The ramp also accelerates the wheels, which adds to their drag.
+    Impacts a second, power and speeds over the mean speed, with intervals: at constant speeds, and
+    in the ramp itself, whose difference is stated.  The excitation keeps its order: its frequency
+    is as many times the mean speed as in the file.  Its amplitude, torques and backlashes stay as
+    they were typed, drag over speed is read at each speed, and `sigma` stays as it is.  The ramp
+    also accelerates the mean rotation of the wheels, which adds to their drag.
 
     Parameters
     ----------
@@ -106,15 +107,18 @@ def run_up(
     points : int
         Speeds, evenly spaced from the first to the last.
     slow : float
-        Speed below which an impact is slow, dimensionless at the file's speed; constant in mm/s.
+        Speed below which an impact is slow, dimensionless at the file's speed; at all others it is
+        the same in mm/s.
     budget : float
-        Seconds of processor time, without compiling; what does not fit is left out, and named.
+        Seconds of processor time, all threads together; compiling is not counted.  What does not
+        fit is left out, and named.
     rng : int, SeedSequence, Generator or BitGenerator
         Seed.
     workers : int
         Threads; the result does not depend on it.
     progress : str, optional
-        Label of a progress bar, on a terminal or in a notebook; the expected time is logged first.
+        Label of a progress bar on a terminal or in a notebook; with it the expected time is logged
+        first.
 
     Returns
     -------
@@ -133,7 +137,8 @@ def run_up(
     >>> speed = {"speed_rpm": 800.0, "driver_radius": 32.0, "omega": 167.6}
     >>> gears = Gears.driven(amplitude=0.2, epsilon=0.9, **speed, **wheel)
     >>> scene = Scene.from_gears(gears, sigma=0.1, stages=1)
-    >>> run_up(scene, rpm=(800.0, 1600.0), seconds=2.0, points=2, budget=5).points["rpm"].tolist()
+    >>> found = run_up(scene, rpm=(800.0, 1600.0), seconds=2.0, points=2, budget=5.0)
+    >>> list(found.points["rpm"])
     [800.0, 1600.0]
     """
     ramp = read_ramp(scene, rpm, seconds, slow)

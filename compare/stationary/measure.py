@@ -54,8 +54,9 @@ def stationary(
     workers: int = 1,
     progress: str | None = None,
 ) -> Stationary:
-    """The stationary motion of a scene: rates, speeds and energies, with errors.
+    """The stationary motion of a scene, with errors.
 
+    Rates, speeds, energies, and the share of slow impacts.
     Where teeth chatter, most impacts are too slow to matter: ``rate_above`` and ``speed_above`` are
     of impacts that are not slow.
 
@@ -89,11 +90,13 @@ def stationary(
         Closures that ``verdicts`` of the result judges, by default all that apply to the scene;
         computed when that is asked for.
     rng : int, SeedSequence, Generator or BitGenerator
-        Seed; a generator of numpy gives a child of its seed sequence, another one each time.
+        Seed.  The result is the same bit for bit for any number of workers.  A generator of numpy
+        gives a child of its seed sequence, another one each time that it is passed.
     workers : int
-        Threads; the result is the same bit for bit for any number.
+        Threads.
     progress : str, optional
-        Label of a progress bar, on a terminal or in a notebook; the expected time is logged first.
+        Label of a progress bar on a terminal or in a notebook; with it the expected time is logged
+        first.
 
     Returns
     -------

@@ -119,6 +119,8 @@ def simulate_to(
 ) -> Ensemble:
     """Simulate until all section means and sds are known to an accuracy.
 
+    They are within it with a probability of 95 % for all of them at once.
+
     Parameters
     ----------
     scene : Scene
@@ -130,21 +132,25 @@ def simulate_to(
     impacts : int
         Impacts of each path after the start.
     scheme : str
-        One of `rattle.montecarlo.SCHEMES`; by default what pilot runs expect to cost least.
+        Name of one of `rattle.montecarlo.SCHEMES`; by default the one that pilot runs expect to
+        cost least.
     rng : int, SeedSequence, Generator or BitGenerator
-        Seed; a generator of numpy gives a child of its seed sequence, another one each time.
+        Seed.  The result is the same bit for bit for any number of workers.  A generator of numpy
+        gives a child of its seed sequence, another one each time that it is passed.
     workers : int
-        Threads; the result is the same bit for bit for any number.
+        Threads.
     budget : float
-        Seconds of processor time, without compiling, looked at between blocks of paths.  When they
-        are spent, the best answer so far is returned and `Ensemble.diagnostics` says what is
-        missing.  Without it, what pilot runs expect to take more than an hour is refused.
+        Seconds of processor time that it may take, all threads together, looked at between blocks
+        of paths.  When they are spent, the best answer so far is returned and
+        `Ensemble.diagnostics` says what is missing.  Without it, what pilot runs expect to take
+        more than an hour is refused before the work.  Compiling is not counted.
     record : Record
         ``energy`` and ``batches`` are recorded where they are asked for; nothing else can be.
     progress : str
         Label of a progress bar on a terminal or in a notebook; none by default, and none in a pipe.
     sampling : Sampling
-        With ``blocks`` alone: who runs the blocks of paths; by default threads of this process.
+        ``blocks`` alone can be given: who runs the blocks of paths; by default threads of this
+        process.
     refuse : bool
         Whether what is expected to take more than an hour is refused where no budget is given.
         Otherwise the answer is what about 20 seconds of counted work give, on every machine the

@@ -35,28 +35,35 @@ def simulate(
 ) -> Ensemble:
     """Simulate an ensemble of paths of Eqs. 5 and 6 with both impact rules.
 
+    `rattle.montecarlo.simulate_to` chooses scheme, step and number of paths for an accuracy.
+
     Parameters
     ----------
     scene : Scene
         What is modelled.
-    paths, impacts : int
-        Independent paths, and impacts of each after the start.  `rattle.montecarlo.simulate_to`
-        chooses scheme, step and number of paths for an accuracy.
+    paths : int
+        Number of independent paths.
+    impacts : int
+        Impacts of each path after the start.
     dt : float
-        Step, at most `rattle.montecarlo.largest_step`; by default the scheme's (pi / 96, or 0.002
-        for Euler-Maruyama), shortened where the scene demands it; see `Ensemble.diagnostics`.
+        Step, at most `rattle.montecarlo.largest_step`; by default that of the scheme (pi / 96 for
+        exact flights, 0.002 for Euler-Maruyama), shortened where the scene demands it.
+        `Ensemble.diagnostics` says what it may do.
     scheme : {"exact-flight", "euler-maruyama-located", "euler-maruyama"}
-        The bias of an Euler-Maruyama step is measured, unless ``record=Record(step_bias=False)``.
+        Name of one of `rattle.montecarlo.SCHEMES`.  The bias of an Euler-Maruyama step is measured
+        and stands beside the moments, unless ``record=Record(step_bias=False)``.
     rng : int, SeedSequence, Generator or BitGenerator
-        Seed; a generator of numpy gives a child of its seed sequence, another one each time.
+        Seed.  The result is the same bit for bit for any number of workers.  A generator of numpy
+        gives a child of its seed sequence, another one each time that it is passed.
     workers : int
-        Threads; the result is the same bit for bit for any number.
+        Threads.
     record : Record
         What is recorded beside the section moments; nothing by default.
     progress : str
         Label of a progress bar on a terminal or in a notebook; none by default, and none in a pipe.
     sampling : Sampling
-        What few runs need: a control variate, two-point increments, a time limit, who runs blocks.
+        What few runs need: a control variate, two-point increments, a time limit, or who runs
+        blocks of paths.
 
     Returns
     -------
