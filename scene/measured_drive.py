@@ -246,8 +246,10 @@ def measure_drive(
     good = ~is_spike(measured.values)
     phases = guess_phases(measured, good, omega, periods, per_turn, driver_radius)
     slip = SLIP if periods is None else max(SLIP, 1.0 / periods)
-    each = [follow(measured, good, guess, radius, highest, slip) for guess in phases]
-    best = each[-1] if each[-1].scatter < CLEARLY * each[0].scatter else each[0]  # of one or two
+    best, *others = [follow(measured, good, guess, radius, highest, slip) for guess in phases]
+    for other in others:
+        if other.scatter < CLEARLY * best.scatter:
+            best = other
     if best.coherence < COHERENT or (len(phases) == 1 and abs(best.shift) > 1.05 * slip):
         name, value = ("gears.omega", omega) if periods is None else ("drive.periods", periods)
         why = f"is not in the file: its motion does not repeat within {percent(slip)} of it"

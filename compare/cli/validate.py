@@ -3,6 +3,7 @@
 import math
 import sys
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -224,10 +225,9 @@ def tradeoff(
     wanted = {positive("accuracy", accuracy) for accuracy in accuracies or ACCURACIES}
     asked = sorted(wanted, reverse=True)
     positive("budget", settings["budget"])
+    check = partial(check_settings, base, paths=1, dt=None, rng=settings["seed"], step_bias=False)
     for scheme in SCHEMES:
-        check_settings(
-            base, 1, settings["impacts"], None, scheme, settings["seed"], settings["workers"]
-        )
+        check(scheme=scheme, impacts=settings["impacts"], workers=settings["workers"])
     results = begin()
     asked_for = {"accuracies": asked, "orders": orders, **settings}
     found = measure(base, **asked_for)

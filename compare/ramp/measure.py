@@ -396,7 +396,7 @@ def _compare_overall(whole: pd.DataFrame, fine: RampSums, coarse: RampSums | Non
 def _tabulate_points(ramp: SpeedRamp, runs: list[SteadyRun]) -> pd.DataFrame:
     """Every speed: excitation, drag and threshold of each wheel, and what was run there."""
     rows = []
-    for run in sorted(runs):
+    for run in sorted(runs, key=lambda run: run.rpm):
         row: Facts = {"rpm": run.rpm, "omega": float(ramp.omega_at(np.array(run.rpm)))}
         for wheel in rattle_threshold(ramp.scene_at(run.rpm)):
             row[f"drag{wheel.wheel}"] = wheel.drag
