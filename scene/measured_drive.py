@@ -240,18 +240,13 @@ def measure_drive(
     (167.5, 0.4)
     """
     measured = read_measurement(file)
-    radius = 1.0
-    if measured.is_angular:
-        if driver_radius is None:
-            why = f"give it, in mm, for a drive in {measured.unit}"
-            raise InputError("gears.driver_radius", None, why)
-        radius = positive("gears.driver_radius", driver_radius)
+    radius = _read_radius(measured, driver_radius)
     highest = count("drive.highest_order", highest_order)
     per_turn = count("drive.periods_per_turn", periods_per_turn)
-    spikes = is_spike(measured.values)
-    phases = guess_phases(measured, ~spikes, omega, periods, per_turn, driver_radius)
+    good = ~is_spike(measured.values)
+    phases = guess_phases(measured, good, omega, periods, per_turn, driver_radius)
     slip = SLIP if periods is None else max(SLIP, 1.0 / periods)
-    best, *others = [follow(measured, ~spikes, guess, radius, highest, slip) for guess in phases]
+    best, *others = [follow(measured, good, guess, radius, highest, slip) for guess in phases]
     for other in others:
         if other.scatter < CLEARLY * best.scatter:
             best = other
@@ -260,6 +255,16 @@ def measure_drive(
         why = f"is not in the file: its motion does not repeat within {percent(slip)} of it"
         raise InputError(name, value, why)
     return _analyse(measured, best, highest, radius, periods, per_turn)
+
+
+def _read_radius(measured: Measurement, driver_radius: float | None) -> float:
+    """The radius in mm that makes the motion one of the pitch circle; 1 where it is one already."""
+    if not measured.is_angular:
+        return 1.0
+    if driver_radius is None:
+        why = f"give it, in mm, for a drive in {measured.unit}"
+        raise InputError("gears.driver_radius", None, why)
+    return positive("gears.driver_radius", driver_radius)
 
 
 def _analyse(

@@ -131,7 +131,7 @@ def study(
     width = effort.width
     seed = effort.seed
     workers = effort.workers
-    limit = Budget(effort.budget)
+    limit = None if math.isinf(effort.budget) else Budget(effort.budget)
     sizes = Sizes(effort, bool(scenes))
     missing: dict[str, str] = {}
     law = finite = swept = view = None
@@ -159,8 +159,7 @@ def study(
         missing |= dict.fromkeys(apart, f"the noisy path {drift.regime.brief}")
     if scenes:
         chosen, longest = sizes.sweep(scenes)
-        guard = None if math.isinf(effort.budget) else limit
-        sweep = FieldSweep(chosen, field, seed, workers, folder, guard)
+        sweep = FieldSweep(chosen, field, seed, workers, folder, limit)
         progress(f"exponents at {len(chosen)} values of {field}")
         swept = sweep.exponents(width, longest)
         measured = swept[field].nunique()
@@ -169,18 +168,7 @@ def study(
         progress(f"bifurcation diagram at {len(chosen)} values of {field}")
         with leave_out(missing, "the bifurcation diagram"):
             view = sweep.bifurcation()
+    reduced = sizes.describe()
     return ChaosStudy(
-        scene,
-        orbit,
-        drift,
-        maps,
-        drawn,
-        power,
-        law,
-        finite,
-        field,
-        swept,
-        view,
-        missing,
-        sizes.describe(),
+        scene, orbit, drift, maps, drawn, power, law, finite, field, swept, view, missing, reduced
     )

@@ -105,7 +105,6 @@ def validate(
     """
     # the scientific stack is imported here, so that --help and wrong options need not wait for it
     from rattle.compare.report import manifest
-    from rattle.compare.validation.answer import SECTION_EXPLAINED
     from rattle.compare.validation.report_run import HAVE_BIAS, ReportRun, settle
 
     positive("budget", budget)
@@ -114,20 +113,18 @@ def validate(
         budget = math.inf  # what the first run has left out is not in its manifest
         recorded = manifest.read_settings(repeat)
         settings = recorded.settings
-        out = out or default_place(settings.name, "-repeated")
     else:
         base = load_scene(scene, sigmas[0] if sigmas else None, 0.0)
-        name = shared.name_scene(scene)
         wanted = sigmas or ((base.sigma,) if scene else PAPER_SIGMAS)
         settings = settle(
-            name,
+            shared.name_scene(scene),
             [base.with_sigma(sigma) for sigma in dict.fromkeys(wanted)],
             validity=() if no_validity else over._replace(log=True).values(base, VALIDITY_POINTS),
             validity_paths=0 if no_validity else count("validity-paths", validity_paths),
             beside=beside or (() if scene else HAVE_BIAS),
             **asked,
         )
-        out = out or default_place(name)
+    out = out or default_place(settings.name, "-repeated" if repeat else "")
     run = ReportRun(settings, out, overwrite, workers)
     sentences = run.judge()
     told = sentences if run.goes_on else []  # what is printed before the page is whole
@@ -145,12 +142,19 @@ def validate(
     if as_json:
         _say_as_json(run, record, repeated)
     else:
-        # one that was told may have explained a word at its first use
-        known = {text.replace(SECTION_EXPLAINED, "") for text in told}
-        new = [text for text in run.sentences if text.replace(SECTION_EXPLAINED, "") not in known]
-        comparison = repeated.sentences if repeated else []
-        say_lines((*new, f"Report: {run.page}", *comparison))
+        _say_rest(run, told, repeated)
     _exit(run, repeated, bool(require))
+
+
+def _say_rest(run: "ReportRun", told: list[str], repeated: "Repeat | None") -> None:
+    """Print what the first sentences did not tell, where the report is, and what it repeats."""
+    from rattle.compare.validation.answer import SECTION_EXPLAINED
+
+    # one that was told may have explained a word at its first use
+    known = {text.replace(SECTION_EXPLAINED, "") for text in told}
+    new = [text for text in run.sentences if text.replace(SECTION_EXPLAINED, "") not in known]
+    comparison = repeated.sentences if repeated else []
+    say_lines((*new, f"Report: {run.page}", *comparison))
 
 
 def _say_as_json(run: "ReportRun", record: Mapping[str, Any], repeated: "Repeat | None") -> None:

@@ -162,7 +162,8 @@ def judge(
     statements = len(reference) * len(predictions) if checks is None else count("checks", checks)
     family_error = round(1.0 - level, DIGITS_OF_LEVEL)
     z = widest(statements, family_error)
-    searched = read.reduced is not None and "unseen_low" in read.reduced
+    given = () if read.reduced is None else read.reduced.columns
+    searched = "unseen_low" in given
     table = compare_rows(predictions, reference, limits, label)
     if not searched:
         table["unseen_paths"] = _paths_for_unseen(table)
@@ -184,7 +185,7 @@ def judge(
         units={name: units_of_all.get(name, "") for name in moments.quantities},
         searched=searched,
         exact=bool((reference["noise"] == 0.0).all()),
-        bias_measured=coarse is not None or (read.reduced is not None and "bias" in read.reduced),
+        bias_measured=coarse is not None or "bias" in given,
         not_compared=tuple(moments.others),
         unpredicted=tuple(name for name in read.names if name not in moments.quantities),
     )
@@ -250,9 +251,10 @@ def _read_coarser(coarser: Any, read: PathSamples, label: str) -> PathSamples | 
     if (coarse.reduced is None) != (read.reduced is None):
         raise InputError("coarser", "another form", "give it in the form of samples")
     if coarse.array is not None and read.array is not None:
-        rows = (coarse.array.shape[1], read.array.shape[1])
-        if rows[0] != rows[1]:
-            raise InputError("coarser", f"{rows[0]} rows", f"samples have {rows[1]}")
+        rows = coarse.array.shape[1]
+        wanted = read.array.shape[1]
+        if rows != wanted:
+            raise InputError("coarser", f"{rows} rows", f"samples have {wanted}")
     return coarse
 
 

@@ -12,17 +12,16 @@ import pandas as pd
 from rattle.closure.closure import Closure
 from rattle.closure.mean_map import find_closure, predict
 from rattle.compare.engine.run import Runner
-from rattle.compare.engine.store import open_store
+from rattle.compare.engine.store import Store, open_store
 from rattle.compare.judge.verdict import Tolerances, Verdict
 from rattle.compare.parameters import search
 from rattle.compare.parameters.finding import AlongParameter
-from rattle.compare.parameters.search import Edge, JudgedValue
+from rattle.compare.parameters.search import Edge, JudgedValue, SearchRange, Widths
 from rattle.compare.report.interrupt import stop_after
 from rattle.compare.report.json_text import json_digest
 from rattle.compare.study.cells import Sample
 from rattle.compare.study.estimate import expect_work
 from rattle.compare.study.parameters import Parameter, find_parameter, find_range
-from rattle.montecarlo.kernel.blocks import Budget
 from rattle.montecarlo.looks import BUDGET_ENDED, begin_budget
 from rattle.montecarlo.seed import Rng, read_whole_seed
 from rattle.scene import InputError, Scene, check_scene, count, positive
@@ -180,49 +179,74 @@ def boundary(
     >>> found.points["verdict"].tolist(), found.edges
     (['inaccurate', 'inaccurate'], ())
     """
-    parameter, low, high, time_left = check_search(scene, over, between, points, width, budget)
-    over = parameter.name
-    seed = read_whole_seed(rng)
+    given = check_search(scene, over, between, points, width, budget, rng)
     z = search.critical(count("impacts", impacts), scene.stages, count("searches", searches))
     limits = Tolerances(*(tolerances or ()))
     method = find_closure("closure", closure)
-    method.check(parameter.scene_at(low))
+    first = given.parameter.scene_at(given.scan[0])
+    method.check(first)
     if progress:
-        state_effort(progress, parameter, parameter.scene_at(low), points, impacts)
+        state_effort(progress, given.parameter, first, points, impacts)
+    return _find_edges(
+        given, method, impacts, z, limits, near, open_store(folder), workers, progress
+    )
+
+
+def _find_edges(
+    given: SearchRange,
+    method: Closure,
+    impacts: int,
+    z: Widths,
+    limits: Tolerances,
+    near: Iterable[float],
+    store: Store,
+    workers: int,
+    progress: str | None,
+) -> Boundary:
+    """Search a range for the values between which a closure stops holding."""
+    parameter = given.parameter
     steps = 0
-    store = open_store(folder)
 
     def judge(value: float) -> JudgedValue:
         def simulate(changed: Scene, paths: int, near_branches: bool) -> Any:
             nonlocal steps
-            bar.set_postfix_str(f"{over} = {value:.4g}, {paths:,} paths")
-            its_seed = seed_of(changed, seed)
-            cell = Sample(changed, impacts, its_seed, paths=paths, near_branches=near_branches)
+            bar.set_postfix_str(f"{parameter.name} = {value:.4g}, {paths:,} paths")
+            cell = Sample(
+                changed,
+                impacts,
+                seed_of(changed, given.seed),
+                paths=paths,
+                near_branches=near_branches,
+            )
             run = store.obtain(cell, runner.compute)
             steps += run.facts["path_steps"]
             return run
 
-        seconds = time_left.remaining
+        seconds = given.time_left.remaining
         try:
             if seconds <= 0.0:
                 raise BudgetEnded
             changed = parameter.scene_at(value)
             with stop_after(seconds if method.own else math.inf):
-                predicted = predict(changed, method, impacts, MOMENT_ORDER).phase_reduced
-            return search.judge_value(value, changed, predicted, simulate, z, limits, time_left)
+                predicted = predict(changed, method, impacts, MOMENT_ORDER)
+            return search.judge_value(
+                value, changed, predicted.phase_reduced, simulate, z, limits, given.time_left
+            )
         # what this scene cannot have, or what cannot be simulated there, is undecided
         except (BudgetEnded, InputError) as error:
             return JudgedValue(value, Verdict.UNDECIDED, remark=str(error) or BUDGET_ENDED)
         finally:
             bar.update()
 
-    bar = ProgressBar(label=progress, unit=" values")
-    with Runner(workers, time_left) as runner, bar:
-        changes, table = search.find_changes(
-            judge, low, high, points, width, first=Boundary.first, near=near
-        )
+    with (
+        Runner(workers, given.time_left) as runner,
+        ProgressBar(label=progress, unit=" values") as bar,
+    ):
+        changes, table = search.find_changes(judge, *given.scan, first=Boundary.first, near=near)
     edges = tuple(Edge(good.value, bad.value, bad.row) for good, bad in changes)
-    return Boundary(scene, method.name, over, edges, table, steps, parameter.unit)
+    return Boundary(
+        parameter.scene, method.name, parameter.name, edges, table, steps, parameter.unit
+    )
 
 
 def state_effort(label: str, parameter: Parameter, scene: Scene, points: int, impacts: int) -> None:
@@ -249,11 +273,14 @@ def check_search(
     points: int,
     width: float,
     budget: float | None,
-) -> tuple[Parameter, float, float, Budget]:
-    """What every search is given: its parameter, its range, and its budget, which begins."""
+    rng: Rng,
+) -> SearchRange:
+    """What every search is given: its parameter, its range, its seed, and its budget, which
+    begins."""
     check_scene(scene)
     count("points", points, least=2)
     if not positive("width", width) < 1.0:
         raise InputError("width", width, "must be below 1")
     parameter = find_parameter(scene, over)
-    return parameter, *find_range(parameter, between), begin_budget(budget)
+    scan = (*find_range(parameter, between), points, width)
+    return SearchRange(parameter, scan, begin_budget(budget), read_whole_seed(rng))

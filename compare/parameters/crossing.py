@@ -8,12 +8,12 @@ from contextlib import suppress
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import pandas as pd
 
 from rattle.compare.engine.run import Runner
-from rattle.compare.engine.store import open_store
+from rattle.compare.engine.store import Store, open_store
 from rattle.compare.judge.verdict import Verdict
 from rattle.compare.parameters.boundary import check_search, seed_of
 from rattle.compare.parameters.finding import AlongParameter
@@ -21,6 +21,7 @@ from rattle.compare.parameters.search import (
     LOOK_SHARE,
     MOST_VALUES,
     SEARCH_BUDGET,
+    SearchRange,
     find_changes,
     state_effort,
 )
@@ -30,7 +31,7 @@ from rattle.montecarlo.kernel.blocks import Budget
 from rattle.montecarlo.long_run import expect_run
 from rattle.montecarlo.long_run.estimates import check_quantity, most_unseen
 from rattle.montecarlo.looks import BUDGET_ENDED, Looks
-from rattle.montecarlo.seed import Rng, read_whole_seed
+from rattle.montecarlo.seed import Rng
 from rattle.montecarlo.statistics.intervals import half_width, tail_of
 from rattle.scene import InputError, Scene, positive
 from rattle.scene.changes import same_speed
@@ -232,31 +233,50 @@ def crossing(
     >>> found.quantity_unit
     'mW'
     """
-    parameter, low, high, time_left = check_search(scene, over, between, points, width, budget)
-    over = parameter.name
-    seed = read_whole_seed(rng)
+    given = check_search(scene, over, between, points, width, budget, rng)
     check_quantity("quantity", quantity, scene.stages)
     level = float(positive("level", level))
     positive("slow", slow)
     if progress:
-        do(f"{progress}: timing a few paths")
-        with suppress(InputError):  # it cannot be simulated, which the search says of its value
-            first = parameter.scene_at(low)
-            least, most = PATH_PERIODS_OF_LOOKS[0], PATH_PERIODS_OF_LOOKS[-1]
-            expected = expect_run(first, least // FIRST_LENGTH, FIRST_LENGTH, slow=slow)
-            seconds = expected.core_seconds
-            state_effort(progress, over, points, seconds, seconds * most / least)
-    store = open_store(folder)
+        _state_effort(progress, given, slow)
+    return _find_crossings(given, quantity, level, slow, open_store(folder), workers, progress)
+
+
+def _state_effort(label: str, given: SearchRange, slow: float) -> None:
+    """State what the values of a search are expected to take, as those of the first one."""
+    do(f"{label}: timing a few paths")
+    with suppress(InputError):  # it cannot be simulated, which the search says of its value
+        low, _, points, _ = given.scan
+        first = given.parameter.scene_at(low)
+        least = PATH_PERIODS_OF_LOOKS[0]
+        most = PATH_PERIODS_OF_LOOKS[-1]
+        seconds = expect_run(first, least // FIRST_LENGTH, FIRST_LENGTH, slow=slow).core_seconds
+        state_effort(label, given.parameter.name, points, seconds, seconds * most / least)
+
+
+def _find_crossings(
+    given: SearchRange,
+    quantity: str,
+    level: float,
+    slow: float,
+    store: Store,
+    workers: int,
+    progress: str | None,
+) -> Crossing:
+    """Search a range for the values between which a quantity crosses a level."""
+    parameter = given.parameter
+    scene = parameter.scene
 
     def judge(value: float) -> SideOfLevel:
         changed = parameter.scene_at(value)
         # gears do not have the value of a field that they fix
         factor = unit_of(quantity, changed.gears or scene.gears, "physical")[1]
         slow_there = same_speed(slow, scene, changed)
-        its_seed = seed_of(changed, seed)
+        its_seed = seed_of(changed, given.seed)
 
         def run(paths: int, periods: int) -> LongResult:
-            bar.set_postfix_str(f"{over} = {value:.4g}, {periods:,} periods of {paths} paths")
+            size = f"{periods:,} periods of {paths} paths"
+            bar.set_postfix_str(f"{parameter.name} = {value:.4g}, {size}")
             cell = LongCell(
                 changed,
                 its_seed,
@@ -264,25 +284,26 @@ def crossing(
                 paths=paths,
                 periods=periods,
                 slow=slow_there,
-                limit=time_left,
+                limit=given.time_left,
             )
             result: LongResult = store.obtain(cell, runner.compute)
             return result
 
-        side = judge_level(value, quantity, level / factor, run, time_left)
+        side = judge_level(value, quantity, level / factor, run, given.time_left)
         bar.update()
         return side._replace(
             estimate=factor * side.estimate, low=factor * side.low, high=factor * side.high
         )
 
-    bar = ProgressBar(label=progress, unit=" values")
-    with Runner(workers, time_left) as runner, bar, ThreadPoolExecutor(workers) as pool:
-        changes, table = find_changes(
-            judge, low, high, points, width, first=Crossing.first, map_scan=pool.map
-        )
+    with (
+        Runner(workers, given.time_left) as runner,
+        ProgressBar(label=progress, unit=" values") as bar,
+        ThreadPoolExecutor(workers) as pool,
+    ):
+        changes, table = find_changes(judge, *given.scan, first=Crossing.first, map_scan=pool.map)
     edges = tuple(Sides(below.value, above.value) for below, above in changes)
-    unit, _ = unit_of(quantity, scene.gears, "physical")
-    return Crossing(scene, quantity, level, over, edges, table, parameter.unit, unit)
+    unit = unit_of(quantity, scene.gears, "physical")[0]
+    return Crossing(scene, quantity, level, parameter.name, edges, table, parameter.unit, unit)
 
 
 def judge_level(
@@ -324,8 +345,8 @@ def judge_level(
 def find_interval(result: LongResult, quantity: str) -> tuple[float, float, float]:
     """A quantity of a long run with the interval that counts all looks at all values."""
     # at rest there is no such row
-    row: Any = result.table.reindex([quantity]).iloc[0].astype(float)
-    value, se, paths = row[["value", "se", "effective_paths"]]
+    columns = ["value", "se", "effective_paths"]
+    value, se, paths = result.table.reindex(index=[quantity], columns=columns).to_numpy(float)[0]
     facts = result.facts
     if facts["kind"] != "simulated":
         return value, value, value

@@ -3,7 +3,7 @@ second one."""
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,7 +14,7 @@ import pandas as pd
 from rattle.closure.mean_map import find_closure
 from rattle.compare.engine.cluster import Cluster
 from rattle.compare.engine.run import Runner, open_cells, run
-from rattle.compare.engine.store import Cell, Content, Facts
+from rattle.compare.engine.store import Cell, Content, Facts, Store
 from rattle.compare.judge.verdict import DECIDED
 from rattle.compare.parameters.boundary import (
     BOUNDARY_IMPACTS,
@@ -243,32 +243,43 @@ def boundary_map(
         lowest = first.scene_at(find_range(first, between)[0])
         points = values * settings.get("points", SCAN_POINTS)
         state_effort("boundary", first, lowest, points, settings.get("impacts", BOUNDARY_IMPACTS))
-    searches: dict[int, Content] = {}
-    wave: dict[int, tuple[int, ...]] = {0: (), values - 1: ()}
     store = open_cells(Path(folder) if folder else None)
+    cells = [
+        Search(changed, f"{along} = {value:.4g}", asked)
+        for value, changed in zip(at, scenes, strict=True)
+    ]
+    searches = _trace(cells, store, workers, scheduler, progress)
+    ordered = list(zip(at, searches, strict=True))
+    rows = [row for value, search in ordered for row in curve_rows(value, search)]
+    judged = [s.table.assign(along=value) for value, s in ordered if len(s.table)]
+    table = pd.concat(judged, ignore_index=True)
+    steps = sum(search.facts["path_steps"] for search in searches)
+    units = (first.unit, second.unit)
+    return BoundaryMap(scene, method.name, over, along, pd.DataFrame(rows), table, steps, units)
+
+
+def _trace(
+    cells: list[Search], store: Store, workers: int, scheduler: str | None, progress: bool
+) -> list[Content]:
+    """Search at both ends, then between, from the edges that were found on both sides."""
+    searches: dict[int, Content] = {}
+    wave: dict[int, tuple[int, ...]] = {0: (), len(cells) - 1: ()}
     while wave:
-        cells = {}
+        begun = {}
         at_once = 1 if scheduler else min(workers, len(wave))
         for i, beside in wave.items():
             near = expect([searches[j] for j in beside])
-            place = f"{along} = {at[i]:.4g}"
-            cells[i] = Search(scenes[i], place, asked | {"near": near}, at_once)
+            begun[i] = replace(cells[i], asked=cells[i].asked | {"near": near}, at_once=at_once)
         runner = Cluster(scheduler) if scheduler else Runner(workers)
-        failed = run(list(cells.values()), store, runner, show=progress).failed
-        if len(failed) == len(cells) and not searches:
+        failed = run(list(begun.values()), store, runner, show=progress).failed
+        if len(failed) == len(begun) and not searches:
             raise RattleError(next(iter(failed.values())))
-        for i, cell in cells.items():
+        for i, cell in begun.items():
             why = failed.get(cell.key)
             nothing = Content(pd.DataFrame(), {"edges": [], "path_steps": 0, "failure": why})
             searches[i] = nothing if why else store.read(cell)
         wave = {(i + j) // 2: (i, j) for i, j in pairwise(sorted(searches)) if j - i > 1}
-    ordered = [(at[i], search) for i, search in sorted(searches.items())]
-    rows = [row for value, search in ordered for row in curve_rows(value, search)]
-    judged = [s.table.assign(along=value) for value, s in ordered if len(s.table)]
-    table = pd.concat(judged, ignore_index=True)
-    steps = sum(search.facts["path_steps"] for search in searches.values())
-    units = (first.unit, second.unit)
-    return BoundaryMap(scene, method.name, over, along, pd.DataFrame(rows), table, steps, units)
+    return [searches[i] for i in sorted(searches)]
 
 
 def expect(beside: Sequence[Content]) -> list[float]:

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import partial
-from itertools import chain, repeat
+from itertools import repeat
 from typing import Any
 
 import numpy as np
@@ -48,6 +48,7 @@ PREDICTED_CHANGE = 1e-3  # the same of the closure, which has no noise
 CHANGED_MOMENTS = ("mean", "sd")
 CHANGED_ORDER = 4  # of the closure's moments
 PAIRED_SCHEME = "exact-flight"
+NO_SDS = "without noise there are no standard deviations; give one above 0"
 CHANGE_COLUMNS = [
     *("parameter", "impact", "quantity", "moment", "predicted", "simulated", "se", "error"),
     *("low", "high", "tolerance", "linear", "verdict", "paths_needed"),
@@ -176,84 +177,101 @@ def closure_sensitivity(
     check_scene(scene)
     seed = read_whole_seed(rng)
     if scene.sigma == 0.0:
-        raise InputError(
-            "sigma", 0.0, "without noise there are no standard deviations; give one above 0"
-        )
+        raise InputError("sigma", 0.0, NO_SDS)
     count("impacts", impacts)
     time_left = begin_budget(budget)
     group_paths = -(-count("paths", paths, least=64 * CLOSURE_GROUPS) // CLOSURE_GROUPS)
     method = find_closure("closure", closure)
     method.check(scene)
     allowed = Tolerances(*(tolerances or ()))
-    scenes: dict[str, list[Scene]] = {}
-    chosen = choose_parameters(scene, parameters)
-    for name, parameter in chosen.items():
-        try:
-            scenes[name] = list(change_scenes(parameter, SIMULATED_CHANGES).values())
-        except InputError:  # a restitution of 1 cannot be changed so
-            if parameters is not None:
-                raise
-    all_scenes = [scene, *chain.from_iterable(scenes.values())]
-    # the same, so that random numbers are shared
-    dt = min(default_step(one, PAIRED_SCHEME, False) for one in all_scenes)
-    again = partial(simulate, paths=group_paths, impacts=impacts, dt=dt, scheme=PAIRED_SCHEME)
-    sampling = Sampling(control=small_noise(scene))  # where a control variate pays
-
-    def moments(one: Scene, group: int) -> Floats:
-        stream = np.random.SeedSequence([seed, group])
-        run = again(one.phase_reduced, rng=stream, sampling=sampling)
-        return _moments(run.section, one, impacts)
-
-    if progress:
-        moments(scene, 0)  # compiles
-        began = clock()
-        moments(scene, 0)
-        most = CLOSURE_GROUPS * len(all_scenes)
-        time = f"about {duration_text(most * (clock() - began), 2)} of processor time"
-        ESTIMATES.info("%s", f"{progress}: {most} runs of {group_paths:,} paths, {time}")
-    values = _run_groups(moments, all_scenes, time_left, workers, progress)
-    groups = values.shape[1]
-    mesh = again(scene, rng=seed).section["mesh"].to_numpy()
-    unit = values[0, :, 1].mean(axis=0)
-    quantities = section_names(scene.stages)
-    unit[at_wall(np.array(quantities)[:, None], mesh)] = math.nan
-    rows = []
-    for k, name in enumerate(scenes):
-        slope = _predict_slope(chosen[name], method, impacts)
-        changed = values[1 + 4 * k : 5 + 4 * k].swapaxes(0, 1)  # (groups, down and up by step, …)
-        for (m, q, i), predicted in np.ndenumerate(slope):
-            checks = slope.size * len(scenes)
-            change = _change(predicted, changed[:, :, m, q, i], unit[q, i], checks, allowed[m])
-            change |= {"parameter": name, "impact": i + 1}
-            change |= {"quantity": quantities[q], "moment": CHANGED_MOMENTS[m]}
-            rows.append(change)
-    table = judge(pd.DataFrame(rows).assign(paths=float(groups * group_paths)))
-    return ClosureSensitivity(scene, method.name, table[CHANGE_COLUMNS], groups * group_paths)
+    runs = _ChangedRuns(scene, parameters, impacts, group_paths, seed)
+    return runs.compare(method, allowed, runs.follow(time_left, workers, progress))
 
 
-def _run_groups(
-    moments: Callable[[Scene, int], Floats],
-    scenes: list[Scene],
-    time_left: Budget,
-    workers: int,
-    progress: str | None,
-) -> Floats:
-    """Means and sds of all scenes, from groups that are begun within a budget; random numbers are
-    shared within each.
+@dataclass
+class _ChangedRuns:
+    """Runs of a scene and of its changes, with the same random numbers in each group of paths."""
 
-    Shapes: result (scenes, groups, moments, quantities, impacts).
-    """
-    groups: list[list[Floats]] = []
-    bar = ProgressBar(label=progress, total=CLOSURE_GROUPS * len(scenes), unit="run")
-    with ThreadPoolExecutor(workers) as pool, bar:
-        for group in range(1, CLOSURE_GROUPS + 1):
-            if group > FEWEST_GROUPS and time_left.remaining <= 0.0:
-                break
-            groups.append([])
-            for found in pool.map(moments, scenes, repeat(group)):
-                groups[-1].append(found)
-                bar.update()
-    return np.array(groups).swapaxes(0, 1)
+    scene: Scene
+    asked: Sequence[str] | None  # the parameters
+    impacts: int
+    group_paths: int
+    seed: int
+
+    def __post_init__(self) -> None:
+        self.scenes = [self.scene]  # as it is, then with each parameter down and up by step
+        self.changed: dict[str, Parameter] = {}
+        for name, parameter in choose_parameters(self.scene, self.asked).items():
+            try:
+                self.scenes += change_scenes(parameter, SIMULATED_CHANGES).values()
+                self.changed[name] = parameter
+            except InputError:  # a restitution of 1 cannot be changed so
+                if self.asked is not None:
+                    raise
+        self._simulate = partial(
+            simulate,
+            paths=self.group_paths,
+            impacts=self.impacts,
+            # the same, so that random numbers are shared
+            dt=min(default_step(one, PAIRED_SCHEME, False) for one in self.scenes),
+            scheme=PAIRED_SCHEME,
+        )
+
+    def find_moments(self, scene: Scene, group: int) -> Floats:
+        """Means and sds of a scene from a group of paths; shape (moments, quantities, impacts)."""
+        stream = np.random.SeedSequence([self.seed, group])
+        sampling = Sampling(control=small_noise(self.scene))  # where a control variate pays
+        run = self._simulate(scene.phase_reduced, rng=stream, sampling=sampling)
+        return _moments(run.section, scene, self.impacts)
+
+    def follow(self, time_left: Budget, workers: int, label: str | None) -> Floats:
+        """Means and sds of all scenes, from groups that are begun within a budget.
+
+        Shapes: result (scenes, groups, moments, quantities, impacts).
+        """
+        total = CLOSURE_GROUPS * len(self.scenes)
+        if label:
+            self.find_moments(self.scene, 0)  # compiles
+            began = clock()
+            self.find_moments(self.scene, 0)
+            time = f"about {duration_text(total * (clock() - began), 2)} of processor time"
+            ESTIMATES.info("%s", f"{label}: {total} runs of {self.group_paths:,} paths, {time}")
+        groups: list[list[Floats]] = []
+        with (
+            ThreadPoolExecutor(workers) as pool,
+            ProgressBar(label=label, total=total, unit="run") as bar,
+        ):
+            for group in range(1, CLOSURE_GROUPS + 1):
+                if group > FEWEST_GROUPS and time_left.remaining <= 0.0:
+                    break
+                groups.append([])
+                for found in pool.map(self.find_moments, self.scenes, repeat(group)):
+                    groups[-1].append(found)
+                    bar.update()
+        return np.array(groups).swapaxes(0, 1)
+
+    def compare(self, method: Closure, allowed: Tolerances, values: Floats) -> ClosureSensitivity:
+        """Judge the changes that a closure predicts by the means and sds of all scenes.
+
+        Shapes: `values` (scenes, groups, moments, quantities, impacts).
+        """
+        paths = values.shape[1] * self.group_paths
+        mesh = self._simulate(self.scene, rng=self.seed).section["mesh"].to_numpy()
+        unit = values[0, :, 1].mean(axis=0)
+        quantities = section_names(self.scene.stages)
+        unit[at_wall(np.array(quantities)[:, None], mesh)] = math.nan
+        rows = []
+        for k, (name, parameter) in enumerate(self.changed.items()):
+            slope = _predict_slope(parameter, method, self.impacts)
+            # (groups, down and up by step, moments, quantities, impacts)
+            changed = values[1 + 4 * k : 5 + 4 * k].swapaxes(0, 1)
+            for (m, q, i), predicted in np.ndenumerate(slope):
+                checks = slope.size * len(self.changed)
+                change = _change(predicted, changed[:, :, m, q, i], unit[q, i], checks, allowed[m])
+                change |= {"parameter": name, "impact": i + 1, "quantity": quantities[q]}
+                rows.append(change | {"moment": CHANGED_MOMENTS[m]})
+        table = judge(pd.DataFrame(rows).assign(paths=float(paths)))
+        return ClosureSensitivity(self.scene, method.name, table[CHANGE_COLUMNS], paths)
 
 
 def _predict_slope(parameter: Parameter, method: Closure, impacts: int) -> Floats:

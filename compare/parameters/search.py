@@ -17,6 +17,7 @@ import pandas as pd
 from rattle.compare.judge.rows import Claimed, judge_errors, waits_for_branch
 from rattle.compare.judge.verdict import JUDGED, Tolerances, Verdict, is_accurate
 from rattle.compare.parameters.finding import by_error
+from rattle.compare.study.parameters import Parameter
 from rattle.compare.validation.errors import list_errors
 from rattle.montecarlo.diagnostics.reference import Simulated
 from rattle.montecarlo.kernel.blocks import Budget
@@ -36,6 +37,15 @@ SEARCH_BUDGET = 60.0  # core-seconds, by default
 LOOK_SHARE = 0.25
 # share of a tolerance below which it does not matter what a branch that was not seen could change
 SLIGHT = 0.01
+
+
+class SearchRange(NamedTuple):
+    """Where a search goes and how finely, what is left of its processor time, and its seed."""
+
+    parameter: Parameter
+    scan: tuple[float, float, int, float]  # both ends, number of values, width of an edge
+    time_left: Budget
+    seed: int
 
 
 class JudgedValue(NamedTuple):

@@ -248,37 +248,12 @@ def sensitivity(
     check_scene(scene)
     compile_ahead.expect("sensitivity", len(scene.drive))
     seed = read_whole_seed(rng)
-    chosen_names = default_quantities(scene.stages) if quantities is None else quantities
-    asked = list(dict.fromkeys(chosen_names))
-    for name in asked:
-        check_quantity("quantities", name, scene.stages)
+    names = default_quantities(scene.stages) if quantities is None else quantities
+    asked = [check_quantity("quantities", name, scene.stages) for name in dict.fromkeys(names)]
     chosen = choose_parameters(scene, parameters)
     positive("accuracy", accuracy)
-    positive("slow", slow)
-    limit = begin_budget(budget)
-    remarks: dict[str, str] = {}
-    motions: dict[str, list[ChangedMotion]] = {}
-    for name, parameter in chosen.items():
-        try:
-            scenes = change_scenes(parameter, RELATIVE_CHANGES)
-            motions[name] = [ChangedMotion(one, name, factor) for factor, one in scenes.items()]
-        except InputError as error:
-            remarks[name] = f"cannot be changed by {RELATIVE_CHANGES[1]:.0%}: {error}"
-    search = _Search(scene, motions, asked, slow, limit)
-    with ThreadPoolExecutor(workers) as pool, ThreadPoolExecutor(workers) as inner:
-        search.plan(pool, progress)
-        with ProgressBar(label=progress, unit="period") as bar:
-            search.begin(seed, pool, inner, bar)
-            while True:
-                table = search.find_effects(chosen, remarks)
-                widest = (0.5 * (table["high"] - table["low"])).groupby(table["parameter"]).max()
-                if not search.refine(widest[widest > accuracy]):
-                    break
-    half = float(widest.max())
-    reached = math.isfinite(half) and not ((widest > accuracy).any() or search.left_out)
-    said = search.describe(half, accuracy, reached)
-    values_now = _values(scene, asked, np.exp(search.base.logs(asked, search.groups)))
-    return Sensitivity(scene, table, values_now, search.groups, reached, said)
+    search = _Search(scene, chosen, asked, positive("slow", slow), begin_budget(budget))
+    return search.measure(accuracy, seed, workers, progress)
 
 
 @dataclass
@@ -289,8 +264,8 @@ class _Search:
     """
 
     scene: Scene
-    motions: dict[str, list[ChangedMotion]]
-    asked: list[str]
+    parameters: dict[str, Parameter]
+    asked: list[str]  # the quantities
     slow: float
     limit: Budget
     groups: int = GROUP_NUMBERS[0]
@@ -299,8 +274,33 @@ class _Search:
 
     def __post_init__(self) -> None:
         self.base = ChangedMotion(self.scene)
+        self.motions: dict[str, list[ChangedMotion]] = {}
+        self.remarks: dict[str, str] = {}  # why a parameter has no effect
+        for name, parameter in self.parameters.items():
+            try:
+                scenes = change_scenes(parameter, RELATIVE_CHANGES).items()
+                self.motions[name] = [ChangedMotion(one, name, factor) for factor, one in scenes]
+            except InputError as error:
+                self.remarks[name] = f"cannot be changed by {RELATIVE_CHANGES[1]:.0%}: {error}"
         self.left_out: list[str] = []  # parameters for which the budget was too small
         self._planned = PLANNED_SHARE * self.limit.seconds  # core-seconds that are left to plan
+
+    def measure(self, accuracy: float, seed: int, workers: int, label: str | None) -> Sensitivity:
+        """Follow the motions until all intervals are narrow enough, or the budget is spent."""
+        with ThreadPoolExecutor(workers) as pool, ThreadPoolExecutor(workers) as inner:
+            self.plan(pool, label)
+            with ProgressBar(label=label, unit="period") as bar:
+                self.begin(seed, pool, inner, bar)
+                while True:
+                    table = self.find_effects()
+                    halves = 0.5 * (table["high"] - table["low"])
+                    widest = halves.groupby(table["parameter"]).max()
+                    if not self.refine(widest[widest > accuracy]):
+                        break
+        half = float(widest.max())
+        reached = math.isfinite(half) and not ((widest > accuracy).any() or self.left_out)
+        said = self.describe(half, accuracy, reached)
+        return Sensitivity(self.scene, table, self.find_values(), self.groups, reached, said)
 
     def plan(self, pool: ThreadPoolExecutor, label: str | None) -> None:
         """Find what is exact, or choose the number of groups, and state what is expected."""
@@ -401,7 +401,7 @@ class _Search:
         list(self._pool.map(lambda job: job[0].follow(shared, job[1]), jobs))
         self._planned -= sum(self._cost(until[name] - before[name] + burn_in) for name in until)
 
-    def find_effects(self, chosen: dict[str, Parameter], remarks: dict[str, str]) -> pd.DataFrame:
+    def find_effects(self) -> pd.DataFrame:
         """The effects as far as the motions have been followed."""
         ended = "the budget ended before it was changed"
         logs = {}  # of all quantities, by parameter; (groups, down and up by step, quantities)
@@ -411,18 +411,18 @@ class _Search:
             why = next((motion.why for motion in four if motion.why), "")
             unfinished = any(not (motion.periods or motion.exact) for motion in four)
             if why or unfinished:
-                remarks[name] = why or ended
+                self.remarks[name] = why or ended
                 if not why and name not in self.left_out:
                     self.left_out.append(name)
                 continue
             logs[name] = np.stack([one.logs(self.asked, self.groups) for one in four], axis=1)
         rows = []
         for i, quantity in enumerate(self.asked):
-            for name, parameter in chosen.items():
-                remark = remarks.get(name, "")
+            for name, parameter in self.parameters.items():
+                remark = self.remarks.get(name, "")
                 if not remark and not np.isfinite(logs[name][:, :, i]).all():
                     remark = "no such impacts"
-                checks = len(chosen) * len(self.asked)
+                checks = len(self.parameters) * len(self.asked)
                 effect = {} if remark else _effect(logs[name][:, :, i], checks)
                 place = {"quantity": quantity, "parameter": name}
                 now = {"value": parameter.value, "unit": parameter.unit}
@@ -430,6 +430,16 @@ class _Search:
         numbers = [*EFFECTS, "se", "gain"]
         table = pd.DataFrame(rows, columns=SENSITIVITY_COLUMNS)
         return table.astype(dict.fromkeys(numbers, float))
+
+    def find_values(self) -> pd.DataFrame:
+        """The quantities of the scene itself, over all groups."""
+        found = np.exp(self.base.logs(self.asked, self.groups))
+        mean = found.mean(axis=0)
+        half = _half_width(found)
+        unit = [unit_of(name, self.scene.gears, "physical")[0] for name in self.asked]
+        index = pd.Index(self.asked, name="quantity")
+        columns = {"value": mean, "low": mean - half, "high": mean + half, "unit": unit}
+        return pd.DataFrame(columns, index=index)
 
     def describe(self, half: float, accuracy: float, reached: bool) -> str:
         """What was simulated, what it gives, and what a larger budget would give."""
@@ -519,14 +529,3 @@ def _se(values: Floats) -> Any:
 def _half_width(values: Floats, checks: int = 1) -> Any:
     """Half width of the interval of a mean over independent groups, one of so many at once."""
     return half_width(len(values), tail_of(checks, 1.0 - CONFIDENCE)) * _se(values)
-
-
-def _values(scene: Scene, asked: list[str], found: Floats) -> pd.DataFrame:
-    """The quantities of the scene itself, over all groups."""
-    mean = found.mean(axis=0)
-    half = _half_width(found)
-    unit = [unit_of(name, scene.gears, "physical")[0] for name in asked]
-    index = pd.Index(asked, name="quantity")
-    return pd.DataFrame(
-        {"value": mean, "low": mean - half, "high": mean + half, "unit": unit}, index=index
-    )

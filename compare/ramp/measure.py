@@ -27,7 +27,7 @@ from rattle.montecarlo.long_run.estimates import groups, most_unseen
 from rattle.montecarlo.long_run.paths import warm_up
 from rattle.montecarlo.long_run.ramp import RampPaths, count_impacts
 from rattle.montecarlo.looks import BUDGET_ENDED
-from rattle.montecarlo.seed import Rng, child_seed, read_seed
+from rattle.montecarlo.seed import Rng, Seed, child_seed, read_seed
 from rattle.montecarlo.statistics.intervals import half_width, tail_of
 from rattle.scene import Floats, InputError, Scene, compile_ahead, count, positive
 from rattle.scene.numpy_errors import numpy_defaults
@@ -145,17 +145,25 @@ def run_up(
     count("points", points, least=2)
     count("workers", workers)
     positive("budget", budget)
-    given = read_seed(rng)
-    seed = np.random.SeedSequence(given) if isinstance(given, int) else given
+    seed = read_seed(rng)
     if ramp.periods < FEWEST_IN_A_POINT * points:
         why = f"is too short: {ramp.periods} periods of the excitation for {points} speeds"
         raise InputError("seconds", seconds, f"{why}; give more of them, or fewer points")
     ramp.stretches(COARSER)  # a speed that the gears cannot have is refused before any work
+    return _measure(ramp, points, budget, seed, workers, progress)
+
+
+def _measure(
+    ramp: SpeedRamp, points: int, budget: float, rng: Seed, workers: int, progress: str | None
+) -> RunUp:
+    """Follow the constant speeds, then the ramp, as far as the budget goes."""
+    scene = ramp.scene
+    seed = np.random.SeedSequence(rng) if isinstance(rng, int) else rng
     compile_ahead.expect("stationary", len(scene.drive))
     limit = Budget(budget + CLOCK_SPARE[0] * budget + CLOCK_SPARE[1])
     do("run-up: compiling")
     with limit.pause():
-        warm_up(scene, slow)
+        warm_up(scene, ramp.slow)
     speeds = np.linspace(ramp.first, ramp.last, points).tolist()
     do("run-up: counting impacts at every speed")
     plan = plan_work(ramp, speeds, budget, seed)
@@ -172,8 +180,8 @@ def run_up(
     if fine is not None:
         table = _judge(table, list(known), plan.speeds)
         overall = _compare_overall(table[whole], fine, coarse)
-    left_out = [SteadyRun(rpm, None, "left out: beyond the budget") for rpm in plan.left_out]
-    complete = plan.complete if left_out or fine is None else 0.0
+    runs += [SteadyRun(rpm, None, "left out: beyond the budget") for rpm in plan.left_out]
+    complete = plan.complete if plan.left_out or fine is None else 0.0
     if limit.remaining < 0.0:  # the plan has expected too little
         complete = max(plan.complete, 2.0 * budget)
     return RunUp(
@@ -181,9 +189,9 @@ def run_up(
         first=ramp.first,
         last=ramp.last,
         seconds=ramp.seconds,
-        slow=slow,
+        slow=ramp.slow,
         table=table[~whole].drop(columns="effective_paths").reset_index(drop=True),
-        points=_tabulate_points(ramp, [*runs, *left_out]),
+        points=_tabulate_points(ramp, runs),
         thresholds=_find_thresholds(ramp, sorted(speeds)),
         overall=overall,
         added_torque=tuple(ramp.added_torque(wheel) for wheel in range(1, scene.stages + 1)),
@@ -404,13 +412,13 @@ def _tabulate_points(ramp: SpeedRamp, runs: list[SteadyRun]) -> pd.DataFrame:
 def _find_thresholds(ramp: SpeedRamp, speeds: list[float]) -> pd.DataFrame:
     """Where closed teeth of each wheel begin to open over the speed; without a speed: nowhere, and
     whether they open everywhere."""
-    rows: list[tuple[str, int, float, bool]] = []
+    rows: list[tuple[str, int, float, bool, str]] = []
     for motion, wheel in product(("constant speed", "ramp"), range(1, ramp.scene.stages + 1)):
         in_ramp = motion == "ramp"
         crossings = ramp.openings(wheel, speeds, in_ramp)
         if not crossings:
             opens = ramp.opens(wheel, speeds[0], in_ramp)
             crossings = [(np.nan, opens)]
-        rows += [(motion, wheel, rpm, opens) for rpm, opens in crossings]
-    crossed = pd.DataFrame(rows, columns=["motion", "wheel", "rpm", "opens"])
-    return crossed.assign(name=[ramp.scene.wheel_names[row[1] - 1] for row in rows])
+        name = ramp.scene.wheel_names[wheel - 1]
+        rows += [(motion, wheel, rpm, opens, name) for rpm, opens in crossings]
+    return pd.DataFrame(rows, columns=["motion", "wheel", "rpm", "opens", "name"])

@@ -157,7 +157,7 @@ def stationary(
         table["autocorrelation"] = math.nan
     settled = run.burn_in
     kinds = [] if settled.reached else _attractors(scene, orbit)
-    says_something = bool((table["low"].reindex(ASKED) > 0.0).all())
+    says_something = (table["low"].reindex(ASKED) > 0.0).all()
     if len(kinds) > 1 and settled.keeps_apart and not says_something:
         never_met = refuse_burn_in(settled.periods, settled.drift, settled.apart)
         raise _name_attractors(never_met, kinds, scene)

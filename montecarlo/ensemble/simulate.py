@@ -89,9 +89,8 @@ def simulate(
     scheme = choice("scheme", scheme, SCHEMES)
     sampling = Sampling() if sampling is None else sampling
     if not isinstance(sampling, Sampling):
-        raise InputError(
-            "sampling", sampling, "give a Sampling, as in sampling=Sampling(control=True)"
-        )
+        why = "give a Sampling, as in sampling=Sampling(control=True)"
+        raise InputError("sampling", sampling, why)
     if record.step_bias is None and SCHEMES[scheme].has_step_bias:
         record = replace(record, step_bias=dt is None or is_admissible(scene, dt, scheme, COARSEST))
     dt = default_step(scene, scheme, bool(record.step_bias)) if dt is None else dt
