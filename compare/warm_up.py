@@ -122,7 +122,6 @@ def tasks(orders: int = 1) -> dict[str, Task]:
         "closures in the long run": lambda: linear_law(periodic, attractor(periodic)),
         **closures,
         "gaps that vary by path": partial(simulate, by_path),
-        "scheme exact-flight, one stage": partial(simulate, single),
         "the long run, one stage": partial(long_run, single, paths=16, periods=64),
         "rare branches": lambda: BranchSearch(scene, 4).until(1.0),
         "rare branches, one stage": lambda: BranchSearch(single, 4).until(1.0),

@@ -291,11 +291,6 @@ def record_states(every: Lanes, room: Room, out: Output, k: int, live: int) -> N
 
 @cache
 def block_kernel(scheme: Scheme, wheels: int = 0) -> Callable[..., tuple[int, int]]:
-    """`kernel_of` a scheme, compiled for Python."""
-    return lean(kernel_of(scheme, wheels))
-
-
-def kernel_of(scheme: Scheme, wheels: int = 0) -> Callable[..., tuple[int, int]]:
     """Kernel that follows a block of paths by one scheme; code of other schemes is not compiled in.
 
     It follows paths from tau on until they have had their impacts, or so many finest steps, at step
@@ -310,6 +305,7 @@ def kernel_of(scheme: Scheme, wheels: int = 0) -> Callable[..., tuple[int, int]]
     find_sticking = scheme.find_sticking
     stick_to_end = scheme.stick_to_end
 
+    @lean
     def run_block(
         job: Job, tau: float, most_steps: int, every: Lanes, room: Room, out: Output
     ) -> tuple[int, int]:

@@ -9,6 +9,8 @@ of a path have the exact mean zero, however it moves.
 
 import math
 
+import numpy as np
+
 from rattle.montecarlo.schemes.short_flight import Phase
 from rattle.scene import Constants, Floats, Ints
 from rattle.scene.compiled import inline, splice
@@ -111,22 +113,20 @@ def add_noise_work(
     states: Floats,
     tau: float,
     apart: float,
-    speeds: Floats,
     out: Floats,
 ) -> None:
     """Add the control variates of a stretch to the sums of each path.
 
-    `rows`, `impacts`, `states`: As of `rattle.montecarlo.long_run.sums.add_stretch`; the last state
-    is that at the end of the stretch. `tau`, `apart`: Time of the first state, and from one to the
-    next. `speeds`: Room for the speeds of the wheels and their rates. Shapes: `before` (paths, 2
-    wheels); `speeds` (3, 2 wheels); `out` (paths, CONTROLS).
+    `rows`, `impacts`, `states`, `tau`, `apart`: As of
+    `rattle.montecarlo.long_run.sums.add_stretch`; the last state is that at the end of the stretch.
+    Shapes: `before` (paths, 2 wheels); `out` (paths, CONTROLS).
     """
     wheels = c.wheels.size
     variance = c.sigma * c.sigma
     last = states.shape[1] - 1
-    u = speeds[0, :wheels]
-    ends = speeds[1, :wheels]
-    rates = speeds[2]
+    u = np.empty(wheels)
+    ends = np.empty(wheels)
+    rates = np.empty(2 * wheels)
     code = 2 + 2 * wheels
     for p in range(len(rows)):
         at = tau - apart

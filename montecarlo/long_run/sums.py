@@ -15,7 +15,7 @@ from scipy.special import expit
 
 from rattle.montecarlo.long_run.noise_work import CONTROLS
 from rattle.scene import Constants, Floats, Ints
-from rattle.scene.compiled import inline, lean_internal, splice
+from rattle.scene.compiled import inline, internal, splice
 from rattle.scene.drive import PERIOD, velocity_acceleration
 from rattle.scene.impact import energy_loss
 
@@ -257,17 +257,19 @@ def _add_states(
         main[columns.work + i] += moved
 
 
-@lean_internal
-def put_modulations(c: Constants, tau: float, apart: float, n: int, out: Floats) -> None:
-    """Write the modulation ``kappa (f'' + beta f')`` of the noise of each wheel, at n times.
+@internal
+def _modulations(c: Constants, tau: float, apart: float, n: int) -> Floats:
+    """The modulation ``kappa (f'' + beta f')`` of the noise of each wheel, at n times.
 
-    Shapes: `out` (wheels, n or more).
+    Shapes: result (wheels, n).
     """
+    out = np.empty((c.wheels.size, n))
     for k in range(n):
         first, second = velocity_acceleration(c.drive, tau + apart * k)
         for i in range(c.wheels.size):
             wheel = c.wheels[i]
             out[i, k] = wheel.turn * (wheel.beta * first + second)
+    return out
 
 
 @splice
@@ -278,21 +280,22 @@ def add_stretch(
     struck: Floats,
     states: Floats,
     walls: Floats,
-    modulated: Floats,
-    moved: Floats,
+    tau: float,
+    apart: float,
     s: Sums,
 ) -> None:
     """Add the impacts and the states of a stretch to the sums of each path.
 
-    `modulated`: Of `put_modulations`. `moved`: Room for the deviations of the speeds.
-
     Shapes: `rows` (paths, impacts or more, columns); `impacts` (paths or more,); `struck` (paths,
     wheels); `states` (paths, samples, 2 wheels); `walls` (2 wheels, paths or more), as they are at
-    its end; `modulated`, `moved` (wheels, samples or more).
+    its end.
     """
+    n = states.shape[1]
     wheels = c.wheels.size
     above_speed = s.columns.above_speed
     detail = len(s.power) > 0
+    modulated = _modulations(c, tau, apart, n)
+    v = np.empty((wheels, n))
     code = 2 + 2 * wheels
     for p in range(len(rows)):
         main = s.main[p, s.batch[0]]
@@ -326,7 +329,7 @@ def add_stretch(
             last[mesh - 1] = now
         _add_meshes(main, NUMBER, 4, 4, wheels)
         _add_meshes(main, above_speed, 1, 1, wheels)
-        _add_states(c, states[p], modulated, walls, p, moved, s)
+        _add_states(c, states[p], modulated, walls, p, v, s)
 
 
 @inline

@@ -12,16 +12,9 @@ from typing import NamedTuple
 import numpy as np
 
 from rattle.montecarlo.kernel.block import Plan, begin_block
-from rattle.montecarlo.kernel.kernel import Job, Output, columns_recorded, kernel_of
+from rattle.montecarlo.kernel.kernel import Job, Output, block_kernel, columns_recorded
 from rattle.montecarlo.long_run.noise_work import add_noise_work, has_controls
-from rattle.montecarlo.long_run.sums import (
-    NOISE,
-    SAMPLES,
-    Sums,
-    add_left_out,
-    add_stretch,
-    put_modulations,
-)
+from rattle.montecarlo.long_run.sums import NOISE, SAMPLES, Sums, add_left_out, add_stretch
 from rattle.montecarlo.noise.philox import Word
 from rattle.montecarlo.schemes.exact_flight import EXACT
 from rattle.montecarlo.schemes.lanes import Lanes, Room
@@ -29,7 +22,7 @@ from rattle.montecarlo.schemes.step_size import default_step
 from rattle.montecarlo.schemes.step_state import Quiet
 from rattle.montecarlo.schemes.time_scales import time_scales
 from rattle.scene import Constants, Floats, Ints, Scene
-from rattle.scene.compiled import lean, splice
+from rattle.scene.compiled import jit
 from rattle.scene.drive import PERIOD
 from rattle.scene.linear_algebra import put, put_row
 
@@ -40,24 +33,11 @@ IMPACT_ROOM = 33
 MOST_STRETCHES_OF_A_PERIOD = 8  # stretches of a period at the most
 STRETCHES_APART = 2**32  # between the numbers of a path in two stretches
 MANY_IMPACTS = 256  # impacts of a path in a stretch from which on stretches become shorter
-RUN = splice(kernel_of(EXACT))
-"""Within the loop over stretches, which would be compiled with a second copy of it otherwise."""
+RUN = block_kernel(EXACT)
 ALL_FOLLOWED = Quiet()  # the whole motion at closed meshes
 BEGIN, PERIODS, STRETCHES, LONG = range(4)
 """Entries of `Block.counters`: step of the period at which the next stretch begins; periods and
 stretches followed so far; stretches of the period in which a path had very many impacts."""
-
-
-class WalkBuffers(NamedTuple):
-    """Room for what a stretch computes: compiled code that allocates nothing compiles faster."""
-
-    walls: Floats  # walls, last, eta: of `Lanes` and `Room`, as they were before the stretch
-    last: Floats
-    eta: Floats
-    modulated: Floats  # of `rattle.montecarlo.long_run.sums.put_modulations`; (wheels, SAMPLES)
-    moved: Floats  # deviations of the speeds of a path; (wheels, SAMPLES)
-    # speeds of the wheels at both ends of a piece of flight, and the rates there; (3, 2 wheels)
-    speeds: Floats
 
 
 class Block(NamedTuple):
@@ -77,7 +57,6 @@ class Block(NamedTuple):
     samples: Floats
     none: Floats  # output of no control variate; (0, 1, columns)
     counters: Ints  # of what `BEGIN` to `LONG` say
-    buffers: WalkBuffers
 
 
 def impacts_of(rows: Floats, impacts: Ints, struck: Floats) -> Floats:
@@ -101,12 +80,12 @@ def impacts_of(rows: Floats, impacts: Ints, struck: Floats) -> Floats:
     return np.column_stack([mesh, seen[:, 1], since, velocity])
 
 
-@lean
+@jit
 def follow_stretches(
     b: Block, rows: Floats, fixed: Ints, stretches: int, until: int, length: int, sums: Sums
 ) -> int:
     """Follow a block for some stretches; in loops, for numba's own sums and copies take seconds to
-    compile, and without new arrays.
+    compile.
 
     `fixed`: Steps of a stretch after which states are recorded, and one beyond its end: the kernel
     retires no path before all are past, and a path that it retires is overwritten by another.
@@ -122,7 +101,6 @@ def follow_stretches(
     state = b.state
     struck = b.struck
     flanks = every.walls[0]
-    buffers = b.buffers
     samples = fixed.size - 1
     part = fixed[samples - 1]
     between = fixed[0] * job.dt
@@ -136,9 +114,9 @@ def follow_stretches(
         number = count[STRETCHES] * STRETCHES_APART + b.first
         for i in range(room.path.size):
             room.path[i] = Word(number + i)
-        put(buffers.walls, flanks)
-        put(buffers.last, every.last)
-        put_row(buffers.eta, room.eta)
+        walls = flanks.copy()
+        last = every.last.copy()
+        eta = room.eta.copy()
         every.impacts[:] = 0
         room.closed[:] = 0.0
         RUN(job, tau, part, every, room, Output(number, rows, fixed, b.samples, b.none))
@@ -146,9 +124,9 @@ def follow_stretches(
         for p in range(paths):
             most = max(most, impacts[p])
         if most >= rows.shape[2]:
-            put(flanks, buffers.walls)
-            put(every.last, buffers.last)
-            put_row(room.eta, buffers.eta)
+            put(flanks, walls)
+            put(every.last, last)
+            put_row(room.eta, eta)
             put(every.state[0, :, :paths], state.T)
             lacking = most
             break
@@ -156,13 +134,9 @@ def follow_stretches(
         at = tau + between
         if b.controls and len(sums.power) > 0:
             out = sums.main[:, sums.batch[0], NOISE:]
-            speeds = buffers.speeds
-            add_noise_work(job.c, rows[0], impacts, state, states, at, between, speeds, out)
+            add_noise_work(job.c, rows[0], impacts, state, states, at, between, out)
         put(state, states[:, samples - 1])
-        put_modulations(job.c, at, between, samples, buffers.modulated)
-        add_stretch(
-            job.c, rows[0], impacts, struck, states, flanks, buffers.modulated, buffers.moved, sums
-        )
+        add_stretch(job.c, rows[0], impacts, struck, states, flanks, at, between, sums)
         add_left_out(room.closed, sums)
         count[STRETCHES] += 1
         count[BEGIN] += part
@@ -231,14 +205,6 @@ class Walk:
         job, every, room = begin_block(plan, first, paths)
         state = every.state[0, :, :paths]
         _spread_starts(scene, state, every.walls[0, :, :paths], seed, first)
-        buffers = WalkBuffers(
-            walls=np.empty_like(every.walls[0]),
-            last=np.empty_like(every.last),
-            eta=np.empty_like(room.eta),
-            modulated=np.empty((scene.stages, SAMPLES)),
-            moved=np.empty((scene.stages, SAMPLES)),
-            speeds=np.empty((3, 2 * scene.stages)),
-        )
         self._block = Block(
             job=job._replace(quiet=quiet),
             tau=scene.phase,
@@ -252,7 +218,6 @@ class Walk:
             samples=np.empty((1, paths, SAMPLES + 1, 2 * scene.stages)),
             none=np.zeros((0, 1, self._columns)),
             counters=np.zeros(4, np.int64),
-            buffers=buffers,
         )
         self._fixed = self._instants(self.steps)
         self._rows = np.empty((1, paths, IMPACT_ROOM, self._columns))
