@@ -396,10 +396,11 @@ def splice(function: Function) -> Function:
     """Inline a function into its caller before type inference: branches on the caller's constants
     are removed.
 
-    A function with one caller compiles faster so (`branching` as a whole by a fifth): by itself it
-    would be optimised and become machine code, and then again within its caller. Other functions do
-    not: the copy is typed and optimised again in each caller. The steps of all lanes at once are
-    called although they have one caller: within the kernel they take a tenth longer.
+    A function with one caller compiles faster so (`branching` as a whole by a seventh): by itself
+    it would be optimised and become machine code, and then again within its caller. Other functions
+    do not: the copy is typed and optimised again in each caller. Nor does the kernel within the
+    long run, for one large function compiles slower than two; and the steps of all lanes at once
+    take a tenth longer within the kernel.
     """
     return cast(Function, numba.njit(inline="always")(function))
 
