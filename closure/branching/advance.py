@@ -330,8 +330,8 @@ def fly(c: Constants, live: int, b: Buffers, level: Level, whole: Mixture) -> tu
     """Propagate components to their next impact, splitting them where that is worth it; returns
     their number after that, and the weight that is discarded.
 
-    `b`: Components in ``b.start``; their images are written to ``b.image``. `whole`: Takes the
-    components before they are split, with the noise of the flight.
+    `b`: Components in ``b.start``; their images are written to ``b.image``. `whole`: Takes
+    weight, mean and covariance of each component before it is split, with the noise of the flight.
     """
     discarded = _add_noise(c, b.start, live, b.time)
     for i in range(live):

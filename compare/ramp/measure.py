@@ -27,7 +27,7 @@ from rattle.montecarlo.long_run.estimates import groups, most_unseen
 from rattle.montecarlo.long_run.paths import warm_up
 from rattle.montecarlo.long_run.ramp import RampPaths, count_impacts
 from rattle.montecarlo.looks import BUDGET_ENDED
-from rattle.montecarlo.seed import Rng, Seed, child_seed, read_seed
+from rattle.montecarlo.seed import Rng, child_seed, read_seed
 from rattle.montecarlo.statistics.intervals import half_width, tail_of
 from rattle.scene import Floats, InputError, Scene, compile_ahead, count, positive
 from rattle.scene.numpy_errors import numpy_defaults
@@ -145,7 +145,8 @@ def run_up(
     count("points", points, least=2)
     count("workers", workers)
     positive("budget", budget)
-    seed = read_seed(rng)
+    given = read_seed(rng)
+    seed = np.random.SeedSequence(given) if isinstance(given, int) else given
     if ramp.periods < FEWEST_IN_A_POINT * points:
         why = f"is too short: {ramp.periods} periods of the excitation for {points} speeds"
         raise InputError("seconds", seconds, f"{why}; give more of them, or fewer points")
@@ -154,11 +155,15 @@ def run_up(
 
 
 def _measure(
-    ramp: SpeedRamp, points: int, budget: float, rng: Seed, workers: int, progress: str | None
+    ramp: SpeedRamp,
+    points: int,
+    budget: float,
+    seed: np.random.SeedSequence,
+    workers: int,
+    progress: str | None,
 ) -> RunUp:
     """Follow the constant speeds, then the ramp, as far as the budget goes."""
     scene = ramp.scene
-    seed = np.random.SeedSequence(rng) if isinstance(rng, int) else rng
     compile_ahead.expect("stationary", len(scene.drive))
     limit = Budget(budget + CLOCK_SPARE[0] * budget + CLOCK_SPARE[1])
     do("run-up: compiling")
