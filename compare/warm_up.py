@@ -80,7 +80,7 @@ def tasks(orders: int = 1) -> dict[str, Task]:
     from rattle.closure.stationary import linear_law
     from rattle.compare.chaos.exponents import lyapunov
     from rattle.montecarlo import SCHEMES, simulate_rare
-    from rattle.montecarlo.branches.search import BranchSearch
+    from rattle.montecarlo.branches.search import search_of
     from rattle.montecarlo.coupling.paths import LongPath, growths
     from rattle.montecarlo.long_run import long_run
     from rattle.scene.long_orbit import attractor
@@ -123,8 +123,8 @@ def tasks(orders: int = 1) -> dict[str, Task]:
         **closures,
         "gaps that vary by path": partial(simulate, by_path),
         "the long run, one stage": partial(long_run, single, paths=16, periods=64),
-        "rare branches": lambda: BranchSearch(scene, 4).until(1.0),
-        "rare branches, one stage": lambda: BranchSearch(single, 4).until(1.0),
+        "rare branches": lambda: search_of(scene, 4).until(1.0),
+        "rare branches, one stage": lambda: search_of(single, 4).until(1.0),
     }
     return found
 

@@ -102,9 +102,8 @@ def measure(name):
             kurtosis[k + 1, quantity] = plain.columns["kurt_" + quantity][k] + 3.0
     k, quantity = max(kurtosis, key=kurtosis.get)
     orbit = np.array(pilot.plan.itineraries[NOISE_FREE])
-    branches = (
-        search_of(scene.phase_reduced, impacts, steps_of(pilot), pilot.dt).until(SMALLEST).branches
-    )
+    found = search_of(scene.phase_reduced, impacts, pilot.dt).until(SMALLEST)
+    branches = found.within(steps_of(pilot))
     first = max(
         (b for b in branches if b.probability < 0.02),
         key=lambda b: mixture.boost(b.shift) * b.probability,

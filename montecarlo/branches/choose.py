@@ -11,15 +11,13 @@ from typing import Any
 
 import numpy as np
 
-from rattle.montecarlo.branches.search import SMALLEST, Branch, search_of
+from rattle.montecarlo.branches.search import SEARCHED_STEPS, SMALLEST, Branch, search_of
 from rattle.montecarlo.kernel.block import BLOCK, Plan, sample_mixture
 from rattle.montecarlo.kernel.mixture import SPLIT, BranchMixture, mixture_of, tail
 from rattle.montecarlo.seed import child_seed
 from rattle.montecarlo.statistics.section_statistics import stack_section
 from rattle.scene import Floats
 
-# steps whose noise is searched for design points: later impacts have plain paths alone
-SEARCHED_STEPS = 2048
 PROBED_BRANCHES = 12  # branches that are probed
 LIKELY = 0.02  # probability from which plain paths take a branch often enough
 # sds of a design point beyond which no path can be drawn: the tail there is below 1e-300.  Where
@@ -55,16 +53,15 @@ def choose_mixture(run: Any) -> BranchMixture | None:
     """
     columns = run.phase_reduced.columns
     plan = run.plan
-    found = search_of(plan.scene.phase_reduced, plan.impacts, steps_of(run), plan.dt).until(
-        SMALLEST
-    )
+    found = search_of(plan.scene.phase_reduced, plan.impacts, plan.dt).until(SMALLEST)
+    branches = found.within(steps_of(run))
     # in the order of memory of every other one: the kernel is compiled for one order alone
     centre = np.ascontiguousarray(np.nan_to_num(stack_section(columns).T))
     sd = stack_section(columns, "sd_").T
     for mesh in range(1, plan.scene.stages + 1):
         sd[columns["mesh"] == mesh, 2 * mesh] = 0.0  # known exactly
     sd[~(sd > 1e-12 * (1.0 + np.abs(centre)))] = np.inf
-    probed = list_distinct(by_influence(found.branches, sd), PROBED_BRANCHES)
+    probed = list_distinct(by_influence(branches, sd), PROBED_BRANCHES)
     shifts = [branch.shift for branch in probed]
     added = [_probe(plan, centre, sd, branch, number) for number, branch in enumerate(probed, 1)]
     kurtosis = np.nan_to_num(stack_section(columns, "kurt_").T)

@@ -22,6 +22,8 @@ from rattle.montecarlo.branches.rare_events import (
     follow_on,
 )
 from rattle.montecarlo.kernel.kernel import columns_recorded
+from rattle.montecarlo.schemes.step_size import default_step
+from rattle.montecarlo.settings import EXACT_SCHEME
 from rattle.scene import Floats, Scene
 from rattle.scene.impact import slowest_impact
 from rattle.scene.orbit import first_state
@@ -31,6 +33,8 @@ MOST_SEARCHED_PATHS = 12  # paths that are searched: the orbit, and the most pro
 # square of so many more wheels than `FEW_WHEELS` fewer, for their covariances take longer
 MOST_SEARCHED_FLIGHTS = 300
 FEW_WHEELS = 8
+# steps whose noise is told for each branch: its later noise is not
+SEARCHED_STEPS = 2048
 SMALLEST = 1e-9
 """Probability down to which branches are known, and searched for branches of their own."""
 
@@ -81,6 +85,10 @@ class RareEvents:
         shape = self.orbit[:, :-1].shape
         return added.reshape(len(self.branches), 3, *shape).swapaxes(0, 1)
 
+    def within(self, steps: int) -> tuple[Branch, ...]:
+        """The branches, with the noise of the first steps alone."""
+        return tuple(branch._replace(shift=branch.shift[:steps]) for branch in self.branches)
+
     def additions_on(self, itinerary: Sequence[int]) -> Floats:
         """As `additions`, of what still has the meshes and sides of an itinerary, in place of
         nothing."""
@@ -109,11 +117,10 @@ class BranchSearch:
     """A search of the orbit and of its branches for other events, which goes on where less probable
     ones are wanted.
 
-    `steps`, `dt`: Number and length of the steps whose noise is told for each branch; none by
-    default.
+    `dt`: Length of the steps whose noise is told for each branch.
     """
 
-    def __init__(self, scene: Scene, impacts: int, steps: int = 0, dt: float = 1.0) -> None:
+    def __init__(self, scene: Scene, impacts: int, dt: float) -> None:
         c = scene.constants
         state = first_state(scene)
         self.constants = c
@@ -122,7 +129,8 @@ class BranchSearch:
         follow_on(c, scene.phase, state, 0, self.orbit)
         self._slowest = slowest_impact(c, state)
         still = np.zeros((state.size, state.size))
-        begin = Gaussian(state, still, np.zeros(steps), np.zeros((state.size, steps)))
+        silence = np.zeros(SEARCHED_STEPS)
+        begin = Gaussian(state, still, silence, np.zeros((state.size, SEARCHED_STEPS)))
         self._queue = [_Parent(1.0, scene.phase, begin, 0, self.orbit)]  # the most probable last
         self._grid = scene.phase, dt
         self._branches: list[Branch] = []
@@ -228,6 +236,13 @@ class BranchSearch:
         self._branches.append(Branch(k + 1, *what, probability, shares, rows, added, event.shift))
 
 
-search_of = lru_cache(maxsize=32)(BranchSearch)
-"""The search for the branches of a scene over a number of impacts, remembered with what it has
-found."""
+_remembered = lru_cache(maxsize=32)(BranchSearch)
+
+
+def search_of(scene: Scene, impacts: int, dt: float | None = None) -> BranchSearch:
+    """The search for the branches of a scene over a number of impacts, remembered with what it has
+    found.
+
+    `dt`: Step of the noise that is told for each branch; by default that of exact flights.
+    """
+    return _remembered(scene, impacts, dt or default_step(scene, EXACT_SCHEME))

@@ -81,7 +81,7 @@ def find_unseen(
     columns: SectionColumns,
     paths: int,
     mixture: BranchMixture | None = None,
-    dt: float = 1.0,
+    dt: float | None = None,
     itinerary: Sequence[int] | None = None,
 ) -> Unseen:
     """Bound what branches with fewer than `SEEN` expected paths could change, by a search.
@@ -125,11 +125,11 @@ def find_unseen(
 
 
 def _branches(
-    scene: Scene, impacts: int, paths: int, mixture: BranchMixture | None, dt: float
+    scene: Scene, impacts: int, paths: int, mixture: BranchMixture | None, dt: float | None
 ) -> RareEvents:
     """Branches of the orbit, and of those branches of which about `SEEN` paths are expected."""
     if mixture is not None:
-        return search_of(scene.phase_reduced, impacts, mixture.unit.shape[1], dt).until(SMALLEST)
+        return search_of(scene.phase_reduced, impacts, dt).until(SMALLEST)
     return search_of(scene.phase_reduced, impacts).until(
         float(2.0 ** np.ceil(np.log2(SEEN / paths)))
     )
@@ -160,7 +160,7 @@ def branches_between(
     fewer: int,
     more: int,
     mixture: BranchMixture | None = None,
-    dt: float = 1.0,
+    dt: float | None = None,
 ) -> Added:
     """What branches add of which `more` paths see enough, and `fewer` do not.
 

@@ -21,9 +21,9 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import ndtr
 
-from rattle.montecarlo.branches.choose import LIKELY, SEARCHED_STEPS, list_distinct
+from rattle.montecarlo.branches.choose import LIKELY, list_distinct
 from rattle.montecarlo.branches.rare_events import LATEST_OTHER
-from rattle.montecarlo.branches.search import SMALLEST, search_of
+from rattle.montecarlo.branches.search import SEARCHED_STEPS, SMALLEST, search_of
 from rattle.montecarlo.kernel.block import BLOCK, Plan, impact_codes, sample_mixture
 from rattle.montecarlo.kernel.mixture import BEFORE, SPLIT, BranchMixture, mixture_of, tail
 from rattle.montecarlo.settings import EXACT_SCHEME, NOISE_FREE, plan_of
@@ -93,16 +93,16 @@ class _Pilot(NamedTuple):
 def aim(scene: Scene, impacts: int, dt: float) -> tuple[Exit, ...]:
     """The exits from the noise-free itinerary that are rarer than `LIKELY`, the most probable
     first."""
-    orbit = search_of(scene, impacts).orbit
+    search = search_of(scene, impacts, dt)
+    orbit = search.orbit
     steps = min(
         math.ceil((np.nanmax(orbit[:, 0], initial=scene.phase) + LATEST_OTHER - scene.phase) / dt),
         SEARCHED_STEPS,
     )
-    search = search_of(scene, impacts, steps, dt)
-    branches = [branch for branch in search.until(1.0).branches if branch.shift.any()]
+    branches = [branch for branch in search.until(1.0).within(steps) if branch.shift.any()]
     if not search.responses:
         return ()
-    directions, known = _list_directions(search.responses)
+    directions, known = _list_directions([each[:, :steps] for each in search.responses])
     if not len(directions):  # all impacts are at the start
         return ()
     plan = plan_of(scene, BLOCK, impacts, dt, EXACT_SCHEME, AIM_KEY)

@@ -18,7 +18,7 @@ from rattle import Order, Record, Sampling, Scene, Start, Tolerance, follow, mea
 from rattle.closure.branching.advance import Level
 from rattle.montecarlo import SCHEMES
 from rattle.montecarlo.bench import _normals, _scalar_normals, _skill_loop, _steps
-from rattle.montecarlo.branches.search import BranchSearch
+from rattle.montecarlo.branches.search import search_of
 from rattle.montecarlo.coupling.paths import LongPath, after_impact, growths
 from rattle.montecarlo.kernel.block import run
 from rattle.montecarlo.kernel.mixture import mixture_of
@@ -123,7 +123,7 @@ def simulated(scene, scheme, paths=3, impacts=3, **settings):
 def rare_branches():
     """The design point of a branch at the first impact, and a few paths drawn near it."""
     scene = dat21(0.1)
-    shift = BranchSearch(scene, 1, 24, math.pi / 96).until(1.0).branches[0].shift
+    shift = search_of(scene, 1, math.pi / 96).until(1.0).within(24)[0].shift
     plan = plan_of(scene, paths=40, impacts=2, dt=math.pi / 96, scheme="exact-flight", rng=5)
     with mock.patch("rattle.montecarlo.kernel.block.BLOCK", 40):
         mixture = mixture_of([shift], [0.3], np.zeros((2, 6)), 40)

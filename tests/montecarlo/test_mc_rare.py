@@ -83,7 +83,7 @@ def test_where_no_branch_matters_paths_are_plain():
 
 def test_a_point_that_no_path_reaches_is_not_aimed_at():
     """Where first order fails a design point may be hundreds of sds away: paths cannot be drawn."""
-    search = search_of(NOISY, RARE_IMPACTS, 200, 0.03).until(1e-9)
+    search = search_of(NOISY, RARE_IMPACTS).until(1e-9)
     sd = np.full((RARE_IMPACTS, 6), 1e-3)
     near = by_influence(search.branches, sd)
     assert near

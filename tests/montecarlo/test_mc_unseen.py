@@ -7,7 +7,7 @@ from scenes import dat21, tree
 
 from rattle import Closure, Scene, mean_map, validate
 from rattle.montecarlo.branches import search as branches
-from rattle.montecarlo.branches.search import BranchSearch
+from rattle.montecarlo.branches.search import search_of
 
 TRUE_SD = 0.01528
 """Of y2 at impact 2 of `PAIR_B`, from 8 million exact flights (63 paths on the branch)."""
@@ -27,7 +27,7 @@ def test_an_sd_is_judged_with_the_rare_branch_that_carries_a_third_of_its_varian
 def test_a_branch_whose_window_lies_between_the_points_of_the_grid_is_found():
     """Below sigma = 0.07 it was lost, from one noise intensity to the next."""
     sigmas = (0.055, 0.06, 0.065, 0.07)
-    found = [BranchSearch(dat21(s), 1).until(1.0).branches for s in sigmas]
+    found = [search_of(dat21(s), 1).until(1.0).branches for s in sigmas]
     assert [(b.mesh, b.side) for (b,) in found] == [(2, -1)] * 4
     np.testing.assert_allclose(
         [b.beta * s for (b,), s in zip(found, sigmas, strict=True)], 0.328, rtol=5e-3
@@ -43,7 +43,7 @@ def test_states_respond_to_the_noise_of_steps_as_their_covariance_says(scene):
     """So paths near a branch are drawn where it lies; a buffer that was too short by a row made
     the responses whatever the memory held."""
     covariance = mean_map(scene, impacts=4, closure="saltation").trace.covariance
-    search = BranchSearch(scene, 4, 800, 0.005)
+    search = search_of(scene, 4, 0.005)
     search.until(1.0)
     assert len(search.responses) == 4
     for before, response in zip(covariance[1:], search.responses, strict=True):
@@ -54,7 +54,7 @@ def test_states_respond_to_the_noise_of_steps_as_their_covariance_says(scene):
 
 def test_an_orbit_that_ends_leaves_later_impacts_unknown():
     scene = Scene(alpha=0.0, epsilon=0.5, beta1=5.0, gamma1=0.0, stages=1, sigma=1e-6)
-    found = BranchSearch(scene, 3).until(1.0)
+    found = search_of(scene, 3).until(1.0)
     assert found.known < 3
     assert found.why
 
@@ -67,7 +67,7 @@ def test_the_search_is_bounded_whatever_the_number_of_impacts(monkeypatch):
     one = branches.events
     monkeypatch.setattr(branches, "events", lambda flight: flights.append(flight) or one(flight))
     scene = dat21(1.2).phase_reduced
-    search = BranchSearch(scene, 400)
+    search = search_of(scene, 400)
     for k in (4, 8, 12, 16, 19):
         found = search.until(2.0**-k)
     assert len(flights) <= branches.MOST_SEARCHED_FLIGHTS == found.known
