@@ -49,9 +49,9 @@ NEEDS: dict[str, tuple[str, ...]] = {
     "assess": ("the long run", *VALIDATED, "scheme exact-flight", "closure saltation"),
     "stationary": ("the long run", "closures in the long run"),
     "run-up": ("the long run",),
-    "chaos": ("orbits", "long paths", "pairs of paths"),
+    "chaos": ("orbits", "paths on one noise"),
     "boundary": (*VALIDATED, "scheme exact-flight", "closure saltation"),
-    "sensitivity": ("pairs of paths", "long paths", "scheme exact-flight", "closure saltation"),
+    "sensitivity": ("paths on one noise", "scheme exact-flight", "closure saltation"),
     "tradeoff": (
         "scheme exact-flight",
         "scheme euler-maruyama-located",
@@ -70,8 +70,8 @@ def tasks(orders: int = 1) -> dict[str, Task]:
     """All tasks by name, for a drive of so many orders: every closure, every scheme, long orbits
     and runs.
 
-    The longest come first, and those that have much in common are apart: processes begin one after
-    the other.
+    Neighbours have much in common, which one process compiles once: a process takes them from the
+    first on, and those that it has started from the last on.
     """
     import numpy as np
 
@@ -92,41 +92,35 @@ def tasks(orders: int = 1) -> dict[str, Task]:
         found.at_times([0.5 * (start + end)])
         found.density(WARM_UP_IMPACTS, "y1", np.zeros(1))
 
+    def follow_neighbours() -> None:
+        """A long path, and pairs of paths on one noise."""
+        LongPath(scene, 0).stretch(100)
+        growths(scene, 1e-4, 2, seed=0, settle=10)
+
     drive = tuple(rt.Order(order, 1.0 / order) for order in range(1, orders + 1))
     scene = rt.Scene.from_gears(rt.DAT21, sigma=0.1, drive=drive)
-    single = rt.Scene.from_gears(rt.DAT21, sigma=0.1, stages=1, drive=drive)
-    tolerant, by_path = (
-        replace(scene, tolerance=rt.Tolerance(1e-3, 1e-3, draw=draw))
-        for draw in ("contact", "path")
-    )
+    tolerant = replace(scene, tolerance=rt.Tolerance(1e-3, 1e-3))
     periodic = rt.Scene(
         alpha=0.25, epsilon=0.5, beta1=0.0, gamma1=0.0, stages=1, sigma=0.01, drive=drive
     )
     simulate = partial(rt.simulate, paths=WARM_UP_PATHS, impacts=WARM_UP_IMPACTS)
-    kinds = {"": scene, ", one stage": single, ", gaps that vary": by_path}
-    closures = {f"closure {c}{k}": partial(predict, kinds[k], c) for k in kinds for c in CLOSURES}
+    closures = {f"closure {name}": partial(predict, scene, name) for name in CLOSURES}
     schemes: dict[str, Task] = {}
     for name, scheme in SCHEMES.items():
         record = rt.Record(
             step_bias=scheme.has_step_bias, histogram=True, energy=True, batches=True
         )
         schemes[f"scheme {name}"] = partial(simulate, tolerant, scheme=name, record=record)
-    found: dict[str, Task] = {
-        "closure branching": closures["closure branching"],
-        **schemes,
-        "paths near rare branches": partial(simulate_rare, scene, paths=RARE_PATHS, impacts=3),
+    others: dict[str, Task] = {
         "the long run": partial(long_run, scene, paths=16, periods=64),
-        "orbits": partial(lyapunov, scene, impacts=8192),
-        "pairs of paths": partial(growths, scene, 1e-4, 2, seed=0, settle=10),
-        "long paths": partial(LongPath(scene, 0).stretch, 100),
-        "closures in the long run": lambda: linear_law(periodic, attractor(periodic)),
-        **closures,
-        "gaps that vary by path": partial(simulate, by_path),
-        "the long run, one stage": partial(long_run, single, paths=16, periods=64),
+        "paths near rare branches": partial(simulate_rare, scene, paths=RARE_PATHS, impacts=3),
         "rare branches": lambda: search_of(scene, 4).until(1.0),
-        "rare branches, one stage": lambda: search_of(single, 4).until(1.0),
+        "orbits": partial(lyapunov, scene, impacts=8192),
+        "closures in the long run": lambda: linear_law(periodic, attractor(periodic)),
+        "paths on one noise": follow_neighbours,
     }
-    return found
+    exact = "scheme exact-flight"
+    return {exact: schemes.pop(exact), **others, **schemes, **closures}
 
 
 @dataclass(frozen=True)
@@ -197,7 +191,8 @@ def help_parent(wanted: str) -> None:
     orders = 2 if several else 1
     kept = kept_tasks(orders)
     found = tasks(orders)
-    needed = found if command == WARM_UP else {name: found[name] for name in NEEDS.get(command, ())}
+    names = reversed(found) if command == WARM_UP else NEEDS.get(command, ())
+    needed = {name: found[name] for name in names}
     for _ in compile_tasks(needed, kept) if kept else ():
         pass
 
