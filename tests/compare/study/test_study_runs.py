@@ -95,15 +95,16 @@ def test_killed_and_resumed_is_the_same_to_the_last_bit(whole, small):
 @pytest.mark.slow
 @pytest.mark.usefixtures("undrawn")
 def test_two_processes_share_the_work(whole, small):
-    """The other one is suspended with a result of which it has just not made a file, until this one
-    has made one."""
+    """The other one is suspended as it makes a file of its second result, until this one has made
+    another."""
     out = small.with_suffix("")
     other = start(SIGNALLED, "SIGSTOP", ".parquet", 2, "study", "--workers", 1, small)
     ended_or_stopped = os.WEXITED | os.WSTOPPED | os.WNOWAIT
     assert os.waitid(os.P_PID, other.pid, ended_or_stopped).si_code == os.CLD_STOPPED
+    stored = len(list(out.glob(CELLS)))
 
     def go_on():
-        wait_for(out, CELLS, 2)
+        wait_for(out, CELLS, stored + 1)
         other.send_signal(signal.SIGCONT)
 
     watching = threading.Thread(target=go_on)
