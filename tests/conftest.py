@@ -1,20 +1,20 @@
 """What the tests of several folders share."""
 
 import pytest
-from commands import rattle
+from commands import SMALL_VALIDATION, rattle
 
 
 @pytest.fixture(scope="session")
-def small_report(tmp_path_factory):
-    """A small report of ``rattle validate``, with its figures, and what the command printed."""
+def validated(tmp_path_factory):
+    """A small report of ``rattle validate``, with its figures."""
     out = tmp_path_factory.mktemp("reports") / "small"
-    done = rattle(
-        "validate --sigma 0.1 --sigma 1.0 --seed 5 --paths 600 --impacts 2 --dt 0.01"
-        f" --over sigma=0.01:1:3 --validity-paths 600 --out {out}"
-    )
-    return out, done.stdout
+    rattle(f"{SMALL_VALIDATION} --out {out}")
+    return out
 
 
-@pytest.fixture(scope="session")
-def validated(small_report):
-    return small_report[0]
+@pytest.fixture
+def few_beside(monkeypatch):
+    """A scheme that is shown beside a simulation has few paths."""
+    from figures import show_few_beside
+
+    show_few_beside(monkeypatch)

@@ -100,9 +100,8 @@ class Crossing(AlongParameter):
     --------
     >>> from rattle import DAT21, Scene
     >>> scene = Scene.from_gears(DAT21, sigma=0.5)
-    >>> found = crossing(
-    ...     scene, quantity="rate_above", level=600.0, over="amplitude", points=2, width=0.5
-    ... )
+    >>> few = {"between": (0.1, 0.6), "points": 2, "width": 0.5}
+    >>> found = crossing(scene, quantity="rate_above", level=600.0, over="amplitude", **few)
     >>> set(found.points["verdict"]) <= {"below", "above", "undecided"}
     True
     """
@@ -227,9 +226,8 @@ def crossing(
     --------
     >>> from rattle import DAT21, Scene
     >>> scene = Scene.from_gears(DAT21, sigma=0.5)
-    >>> found = crossing(
-    ...     scene, quantity="power", level=1e3, over="amplitude", between=(0.1, 0.6), points=2
-    ... )
+    >>> few = {"between": (0.1, 0.6), "points": 2, "width": 0.5}
+    >>> found = crossing(scene, quantity="power", level=1e3, over="amplitude", **few)
     >>> found.quantity_unit
     'mW'
     """

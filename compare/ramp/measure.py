@@ -137,7 +137,7 @@ def run_up(
     >>> speed = {"speed_rpm": 800.0, "driver_radius": 32.0, "omega": 167.6}
     >>> gears = Gears.driven(amplitude=0.2, epsilon=0.9, **speed, **wheel)
     >>> scene = Scene.from_gears(gears, sigma=0.1, stages=1)
-    >>> found = run_up(scene, rpm=(800.0, 1600.0), seconds=2.0, points=2, budget=5.0)
+    >>> found = run_up(scene, rpm=(800.0, 1600.0), seconds=2.0, points=2, budget=1.0)
     >>> list(found.points["rpm"])
     [800.0, 1600.0]
     """

@@ -8,7 +8,12 @@ from click.testing import CliRunner
 
 from rattle.compare.cli.main import main
 
-__all__ = ["commands", "main", "manifest_of", "rattle", "strict", "study"]
+__all__ = ["SMALL_VALIDATION", "commands", "main", "manifest_of", "rattle", "strict", "study"]
+
+SMALL_VALIDATION = (
+    "validate --sigma 0.1 --sigma 1.0 --seed 5 --paths 600 --impacts 2 --dt 0.01"
+    " --over sigma=0.01:1:3 --validity-paths 600"
+)
 
 STUDY = """
 [study]

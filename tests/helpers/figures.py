@@ -1,4 +1,5 @@
-"""Figures that are made but not drawn, which takes most of a report's time."""
+"""Figures that are made but not drawn, and schemes of few paths beside a simulation: both take most
+of a report's time."""
 
 from matplotlib.figure import Figure
 
@@ -12,3 +13,8 @@ def leave_undrawn(patch):
         file.write(EMPTY)
 
     patch.setattr(Figure, "savefig", savefig)
+
+
+def show_few_beside(patch):
+    """Schemes that are shown beside a simulation have 1,024 paths from now on."""
+    patch.setattr("rattle.compare.validation.validate.BESIDE_PATHS", 1024)

@@ -2,7 +2,9 @@
 
 import os
 import signal
+from contextlib import suppress
 from dataclasses import dataclass
+from pathlib import Path
 
 from commands import study
 
@@ -20,6 +22,7 @@ __all__ = [
     "Refused",
     "Runner",
     "Sample",
+    "Signalled",
     "Store",
     "compute",
     "obtain_all",
@@ -54,6 +57,20 @@ class Deadly(Prediction):
 
     def compute(self, blocks=None):
         os.kill(os.getpid(), signal.SIGKILL)
+
+
+@dataclass(frozen=True)
+class Signalled(Prediction):
+    """A cell that sends a signal to the first process that computes it, which makes a file."""
+
+    first: str = ""
+    signal: int = signal.SIGKILL
+
+    def compute(self, blocks=None):
+        with suppress(FileExistsError):
+            Path(self.first).touch(exist_ok=False)
+            os.kill(os.getpid(), self.signal)
+        return super().compute(blocks)
 
 
 @dataclass(frozen=True)

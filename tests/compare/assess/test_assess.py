@@ -121,6 +121,7 @@ def test_gears_are_taken_as_they_are():
     assert not any(text.startswith(("How hard", "What helps")) for text in found.answer)
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_the_command_writes_its_page_and_ends_by_the_requirement(tmp_path):
     file = tmp_path / "held.toml"
     file.write_text(Scene.from_gears(HELD, sigma=0.01).to_toml())

@@ -5,7 +5,8 @@ import json
 
 import pandas as pd
 import pytest
-from commands import manifest_of, rattle
+from commands import SMALL_VALIDATION, manifest_of, rattle
+from figures import leave_undrawn, show_few_beside
 from places import ROOT
 from scenes import dat21
 
@@ -18,9 +19,36 @@ REPORT_FILES = (
 )
 
 
+@pytest.fixture(scope="module", autouse=True)
+def quick():
+    """No figure is drawn here, and a scheme beside the simulation has few paths."""
+    with pytest.MonkeyPatch.context() as patch:
+        leave_undrawn(patch)
+        show_few_beside(patch)
+        yield
+
+
+@pytest.fixture(scope="module")
+def small_report(tmp_path_factory):
+    """A small report, and what the command printed."""
+    out = tmp_path_factory.mktemp("reports") / "small"
+    return out, rattle(f"{SMALL_VALIDATION} --out {out}").stdout
+
+
+@pytest.fixture(scope="module")
+def validated(small_report):
+    return small_report[0]
+
+
 def test_report_folder_is_complete(validated):
     assert {path.name for path in validated.iterdir()} == set(REPORT_FILES.split())
     assert len(list((validated / "figures").glob("*.svg"))) == 2 * 3 + 2
+
+
+def test_each_sentence_is_printed_once(small_report):
+    lines = small_report[1].splitlines()
+    openings = [line[:40] for line in lines]
+    assert len(set(openings)) == len(openings)
 
 
 def test_page_begins_with_the_answer(validated):
@@ -38,7 +66,6 @@ def test_show_says_what_the_report_says(validated):
         assert sentence.replace("`", "") in shown
 
 
-@pytest.mark.usefixtures("undrawn")
 def test_repeats_bit_for_bit_for_any_workers_and_says_its_rows_in_json(validated, tmp_path):
     manifest = validated / "manifest.json"
     done = rattle(f"validate --repeat {manifest} --workers 3 --json --out {tmp_path / 'again'}")
@@ -52,7 +79,6 @@ def test_repeats_bit_for_bit_for_any_workers_and_says_its_rows_in_json(validated
     assert list(rows) == list(table)
 
 
-@pytest.mark.usefixtures("undrawn")
 def test_what_is_required_is_not_met_and_a_range_of_validity_is_left_out(tmp_path):
     out = tmp_path / "report"
     rattle(f"{SMALL_REPORT} --sigma 1.0 --closure saltation --require accurate --out {out}", code=3)
@@ -63,7 +89,6 @@ def test_what_is_required_is_not_met_and_a_range_of_validity_is_left_out(tmp_pat
     )
 
 
-@pytest.mark.usefixtures("undrawn")
 def test_a_closure_that_cannot_take_the_scene_is_named_with_the_reason(tmp_path):
     file = tmp_path / "flying.toml"
     out = tmp_path / "report"

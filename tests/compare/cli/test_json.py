@@ -41,7 +41,7 @@ def test_these_are_all_commands_with_json():
     assert with_json == {*SMALL_RUNS, "assess"}
 
 
-@pytest.mark.usefixtures("undrawn")
+@pytest.mark.usefixtures("undrawn", "few_beside")
 @pytest.mark.parametrize("command", SMALL_RUNS)
 def test_every_command_prints_strict_json_and_writes_it(command, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)

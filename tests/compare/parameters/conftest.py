@@ -23,7 +23,7 @@ class Results(dict):
         # sigma^2 (1 + beta1^2) / 4, is lost in impacts.
         alone = Scene(alpha=0.0, epsilon=0.5, beta1=0.0, gamma1=0.0, sigma=1.0, stages=1)
         if name == "balance":
-            self[name] = sensitivity(alone, quantities=["power"], accuracy=0.003, rng=3)
+            self[name] = sensitivity(alone, quantities=["power"], accuracy=0.004, rng=3)
         else:
             self[name] = run(name, **self.settings.get(name, {}))
         return self[name]

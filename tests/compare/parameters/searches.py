@@ -11,7 +11,7 @@ from rattle.compare.report.save import save
 QUIET = dat21()
 LOUD = QUIET.with_sigma(0.5)
 WEAK = QUIET.with_sigma(0.01)
-QUICK_SEARCH = {"points": 4, "width": 0.3, "rng": 3}
+QUICK_SEARCH = {"points": 4, "width": 0.3, "tolerances": (0.1, 0.2, 1.0), "rng": 3}
 SEARCHES = {
     "boundary": (boundary, QUIET, {"impacts": 3, **QUICK_SEARCH}),
     "crossing": (

@@ -49,7 +49,7 @@ def test_what_is_undecided_is_approached_from_both_sides():
 
 
 def test_the_boundary_of_saltation(results):
-    """One edge; thirty times the tolerance moves it up."""
+    """One edge; fifteen times the tolerance moves it up."""
     (edge,) = results["boundary"].edges
     assert edge.wrong / edge.accurate <= 1.3 / 0.7 * 1.01
     (looser,) = run("boundary", tolerances=(1.5, 3.0, 1.0)).edges

@@ -26,12 +26,16 @@ def test_a_guess_saves_values_and_a_wrong_one_does_no_harm(near):
 
 @pytest.mark.slow
 def test_each_value_has_its_own_boundary(results):
-    """Searches with other random numbers agree with the first and the last column, which are not
-    alike."""
+    """Both sides of the edge of the first and the last column, which are not alike, judged with
+    other random numbers."""
     curve = results["map"].curve.set_index("along")
     for alpha, row in curve.iloc[[0, -1]].iterrows():
-        (again, *_) = run("boundary", scene=replace(QUIET, alpha=alpha), impacts=2, rng=4).edges
-        assert max(row["accurate"], again.accurate) < min(row["wrong"], again.wrong)
+        scene = replace(QUIET, alpha=alpha)
+        between = (row["accurate"], row["wrong"])
+        again = run("boundary", scene=scene, impacts=2, between=between, points=2, width=0.9, rng=4)
+        below, above = again.points["verdict"]
+        assert below != Verdict.INACCURATE
+        assert above != Verdict.ACCURATE
     # a column in the place of another is noticed
     assert curve["accurate"].max() > curve["wrong"].min()
     assert critical(2, 2, 3) > critical(2, 2)

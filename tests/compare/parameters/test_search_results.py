@@ -23,6 +23,7 @@ SHOWN_SEARCHES = {
 }
 
 
+@pytest.mark.usefixtures("undrawn")
 @pytest.mark.parametrize("name", SHOWN_SEARCHES)
 def test_a_result_shows_itself(results, name, tmp_path):
     result = results[name]

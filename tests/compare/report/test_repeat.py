@@ -13,7 +13,7 @@ from figures import leave_undrawn
 
 from rattle.compare.report import manifest, provenance
 from rattle.compare.report.manifest import PREDICTED_ROUNDING, SAMPLED_ROUNDING, difference
-from rattle.compare.validation import validate as work
+from rattle.compare.validation import report_run
 
 DIFFERENT = 4
 ROUNDED = 5  # exit codes
@@ -30,7 +30,7 @@ def once():
     done = {}
     with pytest.MonkeyPatch.context() as patch:
         leave_undrawn(patch)
-        for function in (work.validate, work.sweep):
+        for function in (report_run.validate, report_run.sweep, report_run.compare_schemes):
 
             def remember(*given, function=function, **settings):
                 key = repr((function.__name__, given, settings))
@@ -38,7 +38,7 @@ def once():
                     done[key] = function(*given, **settings)
                 return done[key]
 
-            patch.setattr(work, function.__name__, remember)
+            patch.setattr(report_run, function.__name__, remember)
         yield
 
 

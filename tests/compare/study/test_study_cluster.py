@@ -8,7 +8,8 @@ import socket
 import subprocess
 import threading
 import time
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack
+from pathlib import Path
 
 import pandas as pd
 import processes
@@ -16,11 +17,22 @@ import pytest
 from commands import rattle
 from programs import python
 from refusals import refusal
-from studies import CELLS_FOLDER, Deadly, Refused, Store, compute, run, study_text, tables_of
+from studies import (
+    CELLS_FOLDER,
+    Deadly,
+    Refused,
+    Signalled,
+    Store,
+    compute,
+    run,
+    study_text,
+    tables_of,
+)
 
 from rattle import Study
 from rattle.compare.engine import cluster as module
-from rattle.compare.engine.cluster import BLOCKS_OF_A_TASK, Cluster, Lost
+from rattle.compare.engine.cluster import Cluster, Lost
+from rattle.montecarlo.kernel.block import BLOCK
 
 distributed = pytest.importorskip("distributed", reason="needs the extra cluster")
 dask = pytest.importorskip("dask")
@@ -34,22 +46,44 @@ pytestmark = [
 ]
 
 
-def local_cluster(workers):
-    """Dask's own cluster on this machine, of processes."""
-    settings = {"processes": True, "dashboard_address": ":0", "silence_logs": 50}
-    return distributed.LocalCluster(n_workers=workers, threads_per_worker=1, **settings)
+def scheduler_here(**settings):
+    """A scheduler in this process, without workers."""
+    settings = {"protocol": "tcp://", "dashboard_address": ":0", "silence_logs": 50} | settings
+    return distributed.LocalCluster(n_workers=0, **settings)
 
 
 @pytest.fixture(scope="module")
 def cluster():
-    with local_cluster(2) as running:
+    with scheduler_here() as running:
         yield running
+
+
+@pytest.fixture(scope="module")
+def pool(cluster):
+    """Two workers of one thread each, as processes; new ones take the place of those that the
+    tests before have lost."""
+    with ExitStack() as stack:
+        running = []
+
+        def fill():
+            while len(cluster.scheduler.workers) < 2:
+                running.append(stack.enter_context(processes.worker(cluster.scheduler_address)))
+            return cluster.scheduler_address
+
+        yield fill
+
+
+@pytest.fixture
+def place(pool, monkeypatch):
+    """The cluster with its two workers; ensembles of more than four blocks are several tasks."""
+    monkeypatch.setattr(Cluster, "share", 4)
+    return Cluster(pool(), patience=60.0)
 
 
 @pytest.fixture(scope="module")
 def study():
     """Ensembles of two tasks each."""
-    return Study.from_toml(study_text(sigmas=(0.02, 0.1), paths=(BLOCKS_OF_A_TASK + 5) * 1024 + 77))
+    return Study.from_toml(study_text(sigmas=(0.02, 0.1), paths=5 * BLOCK + 77))
 
 
 @pytest.fixture(scope="module")
@@ -62,25 +96,34 @@ def store(tmp_path):
     return Store(tmp_path / CELLS_FOLDER)
 
 
-def test_results_equal_the_local_ones_though_a_worker_is_killed(cluster, study, local, store):
-    victim = next(iter(cluster.workers.values())).pid
-    killer = threading.Timer(0.7, os.kill, (victim, signal.SIGKILL))
-    killer.start()
-    outcome = run(study.cells, store, Cluster(cluster.scheduler_address))
-    killer.join()
+@pytest.mark.parametrize("lost", [signal.SIGKILL, signal.SIGSTOP], ids=["killed", "suspended"])
+def test_results_equal_the_local_ones_though_a_worker_is_lost_at_work(
+    lost, place, study, local, store, tmp_path, monkeypatch, capsys
+):
+    """What it was computing, and what it holds, is computed by the other worker; a suspended one is
+    named."""
+    monkeypatch.setattr(module, "SILENCE", 5.0)
+    first, cell, *others = study.cells
+    fatal = Signalled(
+        cell.scene, cell.impacts, cell.closure, first=str(tmp_path / "f"), signal=lost
+    )
+    assert fatal.key == cell.key
+    outcome = run([first, fatal, *others], store, place, show=True)
     assert outcome.computed == len(study.cells)
     there = tables_of(study, store)
     for name in ("errors", "sections", "paired"):
         pd.testing.assert_frame_equal(getattr(there, name), getattr(local, name), check_exact=True)
-    # it was killed, and another took its place
-    assert victim not in [worker.pid for worker in cluster.workers.values()]
+    assert Path(fatal.first).exists()
+    silent = r"worker tcp://\S+ has not answered for 5 s; its cells go to the others"
+    named = re.findall(silent, capsys.readouterr().err)
+    assert len(named) == (lost == signal.SIGSTOP)
 
 
-def test_a_worker_of_another_version_is_refused(cluster, study, store, monkeypatch):
+def test_a_worker_of_another_version_is_refused(place, study, store, monkeypatch):
     monkeypatch.setattr(module, "numerical_version", _another)
     said = r"has numerical version .*, here it is version of .*: install the same there"
     with pytest.raises(Lost, match=said):
-        run(study.cells, store, Cluster(cluster.scheduler_address))
+        run(study.cells, store, place)
 
 
 def _another(*packages):
@@ -88,7 +131,7 @@ def _another(*packages):
 
 
 def test_a_cluster_without_workers_is_named(study, store):
-    with local_cluster(0) as empty, refusal("has no workers"):
+    with scheduler_here() as empty, refusal("has no workers"):
         run(study.cells, store, Cluster(empty.scheduler_address, patience=1.0))
 
 
@@ -102,18 +145,6 @@ PATIENT = (
     "from rattle.compare.cli.main import main; main()"
 )
 """The command, on a machine that may have much else to do."""
-
-
-@contextmanager
-def of_our_own(workers, **environment):
-    """A scheduler with workers of one thread each, as processes: its process and address, and
-    theirs."""
-    with ExitStack() as stack:
-        running, address = stack.enter_context(processes.scheduler(**environment))
-        processes_of_workers = [
-            stack.enter_context(processes.worker(address))[0] for _ in range(workers)
-        ]
-        yield running, address, processes_of_workers
 
 
 def meanwhile(store, cells, act):
@@ -130,16 +161,12 @@ def meanwhile(store, cells, act):
     return thread
 
 
-def kept(study, store):
-    return [cell for cell in study.cells if store.read(cell)]
-
-
-def test_a_lost_scheduler_ends_the_study_with_one_line(small, tmp_path):
+def test_a_lost_scheduler_ends_the_study_with_one_line(tmp_path):
     """A command that is interrupted; the same command continues, here or on the cluster."""
     file = tmp_path / "s.toml"
-    file.write_text(study_text(sigmas=(0.02, 0.05, 0.1), paths=400_000))
+    file.write_text(study_text(sigmas=(0.02, 0.05, 0.1), paths=100_000))
     store = Store(tmp_path / "s" / CELLS_FOLDER)
-    with of_our_own(1) as (scheduler, address, _):
+    with processes.scheduler() as (scheduler, address), processes.worker(address):
         killer = meanwhile(store, 2, scheduler.kill)
         done = python("-c", PATIENT, "study", file, "--scheduler", address, code=2)
         killer.join()
@@ -147,35 +174,23 @@ def test_a_lost_scheduler_ends_the_study_with_one_line(small, tmp_path):
     assert all(earlier.startswith(PROGRESS) for earlier in progress), progress
     lost = "no longer answers: start it again; finished results"
     assert line.startswith(f"rattle: scheduler = {address!r}: {lost}")
-    assert 2 <= len(kept(Study.load(file), store)) < 9
+    kept = [cell for cell in Study.load(file).cells if store.read(cell)]
+    assert 2 <= len(kept) < 9
 
 
-def test_a_suspended_worker_is_named_and_the_others_go_on(store, monkeypatch, capsys):
-    """It is suspended at work: what it was computing, and what it holds, is computed by the other
-    worker."""
-    monkeypatch.setattr(module, "SILENCE", 5.0)
-    wanted = Study.from_toml(study_text(sigmas=(0.02, 0.05, 0.1), paths=400_000))
-    with of_our_own(2) as (_, address, workers):
-        stopper = meanwhile(store, 1, lambda: workers[0].send_signal(signal.SIGSTOP))
-        outcome = run(wanted.cells, store, Cluster(address, patience=60.0), show=True)
-        stopper.join()
-    assert outcome.computed == len(wanted.cells)
-    silent = r"worker tcp://\S+ has not answered for 5 s; its cells go to the others"
-    assert len(re.findall(silent, capsys.readouterr().err)) == 1
-
-
-def test_cells_that_cannot_be_computed_cost_themselves_only(small, store):
-    """One that kills its workers, and one that is refused there: the reasons are given, all others
+def test_cells_that_cannot_be_computed_cost_themselves_only(
+    small, store, cluster, place, monkeypatch
+):
+    """One that kills its worker, and one that is refused there: the reasons are given, all others
     are computed."""
+    monkeypatch.setattr(cluster.scheduler, "allowed_failures", 0)
     predictions = [cell for cell in small.cells if hasattr(cell, "closure")]
     deadly, refused = (
         kind(cell.scene, cell.impacts, cell.closure)
         for kind, cell in zip((Deadly, Refused), predictions, strict=False)
     )
     others = [cell for cell in small.cells if cell.key not in (deadly.key, refused.key)]
-    with of_our_own(2, DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES="0") as (_, address, _):
-        place = Cluster(address, patience=60.0)
-        failed = run([deadly, refused, *others], store, place).failed
+    failed = run([deadly, refused, *others], store, place).failed
     assert failed.keys() == {deadly.key, refused.key}
     assert re.search(r"the workers that computed it died \(1 of them", failed[deadly.key])
     assert "impacts = 2: are too many" in failed[refused.key]
@@ -224,13 +239,13 @@ def test_a_study_over_tls(small, store, certificates):
         f"DASK_{name.replace('.', '__').replace('-', '_').upper()}": v
         for name, v in settings.items()
     }
-    with (
-        processes.scheduler("tls://", **environment) as (_, address),
-        processes.worker(address, **environment),
-    ):
-        assert address.startswith("tls://")
-        with dask.config.set(certificates):
-            outcome = run(small.cells, store, Cluster(address, patience=60.0))
-        assert outcome.computed == len(small.cells)
-        with refusal("needs certificates; name them in Dask's configur"):
-            Cluster(address).__enter__()
+    with dask.config.set(settings):
+        secured = {"protocol": "tls://", "security": distributed.Security()}
+        with scheduler_here(**secured) as running:
+            address = running.scheduler_address
+            assert address.startswith("tls://")
+            with processes.worker(address, **environment):
+                outcome = run(small.cells, store, Cluster(address, patience=60.0))
+    assert outcome.computed == len(small.cells)
+    with refusal("needs certificates; name them in Dask's configur"):
+        Cluster(address).__enter__()

@@ -49,6 +49,7 @@ def test_a_cell_goes_to_another_process(own):
     assert pickle.loads(pickle.dumps(cell)).key == cell.key
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_where_it_fails_the_study_is_complete_but_for_that(own):
     own("0.0")
     done = rattle("study", "study.toml", code=1)

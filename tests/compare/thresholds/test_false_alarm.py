@@ -33,7 +33,7 @@ SESSION_SCENE = dat21(0.05, stages=1)
 # without branches that a sample may miss: no row is let off
 WITHOUT_BRANCHES = dat21(0.0, stages=1)
 SESSION_IMPACTS = 2
-BLOCKS = 2400
+BLOCKS = 1600
 LOOKS = (1, 2, 4, 8)  # blocks
 ALARM_RATE = 0.1
 CONFIDENCE = 0.999

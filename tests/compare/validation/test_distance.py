@@ -56,7 +56,7 @@ def test_a_negative_control_is_far_above_the_floor(mean, sd):
 def run():
     scene = dat21(0.02)
     settings = {"scheme": "euler-maruyama-located", "record": Record(histogram=True)}
-    return simulate(scene, paths=200_000, impacts=12, rng=11, workers=2, **settings)
+    return simulate(scene, paths=100_000, impacts=12, rng=11, workers=2, **settings)
 
 
 def of(run, closure, **settings):

@@ -88,7 +88,7 @@ def test_an_exception_at_fixed_times_loses_only_these():
     assert not (table.loc["section", "verdict"] == "not predicted").any()
 
 
-@pytest.mark.usefixtures("undrawn")
+@pytest.mark.usefixtures("undrawn", "few_beside")
 def test_the_command_imports_it_shows_it_and_says_by_its_exit_code_that_it_failed(
     tmp_path, monkeypatch
 ):

@@ -103,10 +103,10 @@ Z_OF_FEW = widest(24)
 
 @pytest.fixture(scope="module")
 def few():
-    """A perfect closure, judged by sixty samples of four paths."""
+    """A perfect closure, judged by thirty samples of four paths."""
     scene = dat21(0.01)
     claim = Claimed(mean_map(scene, impacts=2, closure="saltation").section)
-    runs = [simulate(scene, paths=4, impacts=2, rng=seed) for seed in range(60)]
+    runs = [simulate(scene, paths=4, impacts=2, rng=seed) for seed in range(30)]
     return lambda: [section_errors([claim], run, Z_OF_FEW, Tolerances()) for run in runs]
 
 
@@ -116,7 +116,7 @@ def called_inaccurate(tables):
 
 def test_few_paths_do_not_call_a_perfect_closure_inaccurate_and_judge_no_sd(few):
     tables = few()
-    assert called_inaccurate(tables) <= 9  # P(more than 9 of 60 | 5 %) = 3e-4
+    assert called_inaccurate(tables) <= 6  # P(more than 6 of 30 | 5 %) = 6e-4
     sds = tables[0].query("judged and moment == 'sd'")
     assert set(sds["verdict"]) == {"undecided"}
     assert sds["remark"].str.startswith("too few paths").all()
@@ -125,7 +125,7 @@ def test_few_paths_do_not_call_a_perfect_closure_inaccurate_and_judge_no_sd(few)
 def test_few_paths_with_normal_intervals_would(few, monkeypatch):
     monkeypatch.setattr("rattle.compare.judge.rows.half_width", lambda *_: Z_OF_FEW)
     monkeypatch.setattr("rattle.montecarlo.diagnostics.reference.FEWEST_FOR_SD", 0)
-    assert called_inaccurate(few()) > 30
+    assert called_inaccurate(few()) > 15
 
 
 def test_rows_that_wait_for_a_rare_branch_are_decided_by_paths_near_it():
