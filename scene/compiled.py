@@ -25,13 +25,13 @@ from fractions import Fraction
 from functools import cache
 from pathlib import Path
 from threading import Lock
-from typing import Any, TypeVar, cast
+from typing import Any, ClassVar, TypeVar, cast
 
 import llvmlite
 import llvmlite.binding
 import numba
 import numpy as np
-from filelock import FileLock
+from filelock import FileLock, Timeout
 from numba import extending
 from numba.core import event, types
 from numba.core.caching import FunctionCache
@@ -61,6 +61,9 @@ NUMBAS_CACHE: Any = FunctionCache
 NUMBAS_EXTENDING: Any = extending
 
 LONGEST_WAIT = 10.0  # seconds for another process that writes what it has compiled: milliseconds
+LONGEST_COMPILING = (
+    120.0  # the same for one that compiles a function: half a minute where it is slow
+)
 GARBAGE = 20_000  # objects between two collections of garbage while a function is compiled
 
 Function = TypeVar("Function", bound=Callable[..., Any])
@@ -225,7 +228,11 @@ class Kept(NUMBAS_CACHE):  # type: ignore[misc]
     - It sees no edit of a file that a function calls into, while a process runs.
     - A compiled function that a function closes over has another key in each process there; here
       it is part of the function's name (`_name_closure`), since the folder is that of its source.
+    - Two processes that need one function at the same time both compile it there; here one waits.
+      Who compiles holds a lock, which the operating system releases when the process ends.
     """
+
+    held: ClassVar[dict[str, FileLock]] = {}  # of what this process compiles
 
     def _index_key(self, signature: Any, codegen: Any) -> Any:
         """What tells the machine code of a function of one name apart: types, processor, code."""
@@ -233,9 +240,21 @@ class Kept(NUMBAS_CACHE):  # type: ignore[misc]
 
     def load_overload(self, signature: Any, target_context: Any) -> Any:
         """Machine code from the disk; None where it has to be compiled."""
+        if compiler.depth == 0:  # what is still held could not be compiled
+            for key in tuple(self.held):
+                self._release(key)
         if _anew or _refuse(describe_edit(SOURCES)):
             return None
         rtsys.initialize(target_context)  # numba's runtime, for functions that call it
+        found = self._read(signature, target_context)
+        if found is None and self._take(signature):
+            found = self._read(signature, target_context)  # another process may have compiled it
+            if found is not None:
+                self._release(self._key(signature))
+        return found
+
+    def _read(self, signature: Any, target_context: Any) -> Any:
+        """Machine code from the disk; None where there is none, or none that can be read."""
         try:
             return self._load_overload(signature, target_context)
         except Exception:  # whatever a damaged file raises
@@ -243,9 +262,43 @@ class Kept(NUMBAS_CACHE):  # type: ignore[misc]
                 self.flush()
             return None
 
+    def _take(self, signature: Any) -> bool:
+        """Take the lock of a function that has to be compiled, once no other process compiles it;
+        whether there is one."""
+        if _folder is None or not _is_private(_folder):
+            return False
+        key = self._key(signature)
+        digest = hashlib.sha256(key.encode()).hexdigest()[:16]
+        lock = FileLock(_folder / f"{digest}.lock", thread_local=False)
+        try:
+            with suppress(Timeout):
+                lock.acquire(timeout=0.0)
+            if not lock.is_locked:
+                with compiler.waiting():
+                    lock.acquire(timeout=LONGEST_COMPILING)
+        except (OSError, NotImplementedError, Timeout):
+            return False
+        self.held[key] = lock
+        return True
+
+    def _key(self, signature: Any) -> str:
+        """What another process calls a function for some types too."""
+        return f"{self._py_func.__module__}.{self._py_func.__qualname__} {signature}"
+
+    def _release(self, key: str) -> None:
+        """Let other processes have a function that is compiled, or cannot be."""
+        if lock := self.held.pop(key, None):
+            lock.release()
+
     def save_overload(self, signature: Any, compiled: Any) -> None:
         """Write machine code to the disk, where that is possible: otherwise it is compiled again
         next time."""
+        try:
+            self._write(signature, compiled)
+        finally:
+            self._release(self._key(signature))
+
+    def _write(self, signature: Any, compiled: Any) -> None:
         if _folder is None or _refuse(describe_difference(SOURCES)) or not _is_private(_folder):
             return
         lock = FileLock(_folder / "index.lock", timeout=LONGEST_WAIT)

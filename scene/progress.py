@@ -287,13 +287,22 @@ class Compiler:
             if alone and not _speaking and shows_bars():
                 self._speaker = Speaker(max(QUIET - self._seconds, 0.0))
 
-    def end(self) -> None:
+    @contextmanager
+    def waiting(self) -> Iterator[None]:
+        """Another process compiles a function, which this one waits for."""
+        self.begin()
+        try:
+            yield
+        finally:
+            self.end(compiled=0)
+
+    def end(self, compiled: int = 1) -> None:
         """A function is compiled, or cannot be."""
         with self._lock:
             self.depth -= 1
             if self.depth:
                 return
-            self.functions += 1
+            self.functions += compiled
             self._seconds += time.monotonic() - self._began
             self.processor_seconds += time.process_time() - self._began_processor
             speaker = self._speaker
