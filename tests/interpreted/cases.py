@@ -100,9 +100,9 @@ def predicted(scene, closure, impacts, order=4):
 def in_few_components(scene):
     """The branching closure, its mixture kept small."""
     with mock.patch.multiple(
-        "rattle.closure.branching", RESOLUTIONS=(Level(4, 8, 1e-4, 1e-6), Level(4, 12, 1e-4, 1e-6))
+        "rattle.closure.branching", RESOLUTIONS=(Level(3, 6, 1e-4, 1e-6), Level(4, 8, 1e-4, 1e-6))
     ):
-        yield from predicted(scene, "branching", 3)
+        yield from predicted(scene, "branching", 2)
 
 
 def simulated(scene, scheme, paths=3, impacts=3, **settings):
@@ -248,9 +248,10 @@ CASES |= {
 
 def sampled(scheme, name):
     """A few paths, their states at fixed times and the bias of the step."""
-    dt = USEFUL_STEP[scheme]
-    settings = {"times": [0.3 + 16 * dt, 0.3 + 64 * dt], "step_bias": SCHEMES[scheme].has_step_bias}
-    return simulated(ALL_KINDS[name], scheme, dt=dt, **settings)
+    biased = SCHEMES[scheme].has_step_bias
+    dt = USEFUL_STEP[scheme] * (2.0 if biased else 1.0)
+    settings = {"times": [0.3 + 16 * dt, 0.3 + 64 * dt], "step_bias": biased}
+    return simulated(ALL_KINDS[name], scheme, paths=2, impacts=2, dt=dt, **settings)
 
 
 for scheme, names in SAMPLED.items():
