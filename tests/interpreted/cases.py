@@ -120,6 +120,16 @@ def simulated(scene, scheme, paths=3, impacts=3, **settings):
         yield run.step_bias.select_dtypes("number").to_numpy(float)
 
 
+def kernel_alone():
+    """Every impact of a few paths and their sums, and no orbit of exact flights beside them."""
+    record = Record(raw=True)
+    with mock.patch("rattle.montecarlo.settings.exact_orbit", return_value=np.zeros((3, 1))):
+        plan = plan_of(DRIVEN_STAGE, 3, 3, 1e-2, "euler-maruyama", 5, record=record)
+    result, rows = run(plan, 0)
+    sums = result.sums["section"]
+    yield from (rows, sums.mean, sums.sums)
+
+
 def rare_branches():
     """The design point of a branch at the first impact, and a few paths drawn near it."""
     scene = dat21(0.1)
@@ -188,7 +198,7 @@ WHITE_ORDERS = replace(MEMORY, correlation_time=0.0)
 SAMPLED = {
     "exact-flight": ("without noise", "sticking", "driven", "body", "shaken"),
     "euler-maruyama-located": ("in flight", "body", "shaken"),
-    "euler-maruyama": ("two stages", "driven"),
+    "euler-maruyama": ("two stages",),
 }
 """Scenes by the scheme that samples them."""
 
@@ -196,6 +206,7 @@ CASES = {
     "bench": bench,
     "sums": merged,
     "rare branches": rare_branches,
+    "euler-maruyama, kernel alone": kernel_alone,
     "orbit, far": lambda: orbits(FAR),
     "published, undamped": lambda: predicted(UNDAMPED, "published", 6),
     "published, driven": lambda: predicted(DRIVEN_STAGE, "published", 6),
