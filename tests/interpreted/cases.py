@@ -100,9 +100,9 @@ def predicted(scene, closure, impacts, order=4):
 def in_few_components(scene):
     """The branching closure, its mixture kept small."""
     with mock.patch.multiple(
-        "rattle.closure.branching", RESOLUTIONS=(Level(4, 8, 1e-4, 1e-6), Level(4, 12, 1e-4, 1e-6))
+        "rattle.closure.branching", RESOLUTIONS=(Level(3, 6, 1e-4, 1e-6), Level(4, 8, 1e-4, 1e-6))
     ):
-        yield from predicted(scene, "branching", 3)
+        yield from predicted(scene, "branching", 2)
 
 
 def simulated(scene, scheme, paths=3, impacts=3, **settings):
@@ -118,6 +118,16 @@ def simulated(scene, scheme, paths=3, impacts=3, **settings):
         yield run.at_times().to_numpy(float)
     if recorded.get("step_bias"):
         yield run.step_bias.select_dtypes("number").to_numpy(float)
+
+
+def kernel_alone():
+    """Every impact of a few paths and their sums, and no orbit of exact flights beside them."""
+    record = Record(raw=True)
+    with mock.patch("rattle.montecarlo.settings.exact_orbit", return_value=np.zeros((3, 1))):
+        plan = plan_of(DRIVEN_STAGE, 3, 3, 1e-2, "euler-maruyama", 5, record=record)
+    result, rows = run(plan, 0)
+    sums = result.sums["section"]
+    yield from (rows, sums.mean, sums.sums)
 
 
 def rare_branches():
@@ -188,7 +198,7 @@ WHITE_ORDERS = replace(MEMORY, correlation_time=0.0)
 SAMPLED = {
     "exact-flight": ("without noise", "sticking", "driven", "body", "shaken"),
     "euler-maruyama-located": ("in flight", "body", "shaken"),
-    "euler-maruyama": ("two stages", "driven"),
+    "euler-maruyama": ("two stages",),
 }
 """Scenes by the scheme that samples them."""
 
@@ -196,6 +206,7 @@ CASES = {
     "bench": bench,
     "sums": merged,
     "rare branches": rare_branches,
+    "euler-maruyama, kernel alone": kernel_alone,
     "orbit, far": lambda: orbits(FAR),
     "published, undamped": lambda: predicted(UNDAMPED, "published", 6),
     "published, driven": lambda: predicted(DRIVEN_STAGE, "published", 6),
@@ -248,9 +259,10 @@ CASES |= {
 
 def sampled(scheme, name):
     """A few paths, their states at fixed times and the bias of the step."""
-    dt = USEFUL_STEP[scheme]
-    settings = {"times": [0.3 + 16 * dt, 0.3 + 64 * dt], "step_bias": SCHEMES[scheme].has_step_bias}
-    return simulated(ALL_KINDS[name], scheme, dt=dt, **settings)
+    biased = SCHEMES[scheme].has_step_bias
+    dt = USEFUL_STEP[scheme] * (2.0 if biased else 1.0)
+    settings = {"times": [0.3 + 16 * dt, 0.3 + 64 * dt], "step_bias": biased}
+    return simulated(ALL_KINDS[name], scheme, paths=2, impacts=2, dt=dt, **settings)
 
 
 for scheme, names in SAMPLED.items():

@@ -28,7 +28,7 @@ CHATTER = Scene(
 
 @pytest.fixture(scope="module")
 def runs():
-    given = {"periods": 64, "paths": 16, "burn_in": 16}
+    given = {"periods": 64, "paths": 16, "burn_in": 4}
     return long_run(CHATTER, resolve=0.0, rng=1, **given), long_run(CHATTER, rng=2, **given)
 
 

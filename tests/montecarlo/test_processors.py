@@ -11,7 +11,8 @@ from programs import python
 
 pytestmark = pytest.mark.slow
 
-CASE = "euler-maruyama, driven"
+CASES = "euler-maruyama, kernel alone", "corrected, driven"
+"""No more than one sampler and one closure, for the process compiles all for itself."""
 CASES_FILE = ROOT / "tests" / "interpreted" / "cases.py"
 NEEDED = ("avx2", "fma", "bmi", "bmi2", "lzcnt", "popcnt", "f16c", "movbe")
 NEWER = ("avx512f", "avx512bw", "avx512cd", "avx512dq", "avx512vl")
@@ -26,12 +27,11 @@ AS_ON_HASWELL = {
 
 
 def numbers(**environment):
-    """The numbers of a case of the tests of interpreted code, as another process makes them."""
-    return json.loads(python(CASES_FILE, CASE, **environment).stdout)
+    """The numbers of cases of the tests of interpreted code, as another process makes them."""
+    return json.loads(python(CASES_FILE, *CASES, **environment).stdout)
 
 
 def test_code_for_another_processor_gives_the_same_bits(tmp_path):
-    """No more than one sampler, for the process compiles all for itself."""
     here = llvmlite.binding.get_host_cpu_features()
     if platform.machine() != "x86_64" or not all(here.get(name) for name in NEEDED):
         pytest.skip("this processor cannot execute code for Haswell")

@@ -25,7 +25,11 @@ LESS = {
     b'"accuracy": 0.02': b'"accuracy": 0.1',
     b"accuracy=0.05,": b"accuracy=0.2,",
     b"refuse=False": b"refuse=False, budget=2.0",
-    b'"exponent-sum", "free-flight", ': b"",
+    b'"exponent-sum", "free-flight", "impact-laws", "gear-rattle-basins"': b"",
+    b"budget=15": b"budget=1",
+    b'paths": 96': b'paths": 80',
+    b'paths": 10_000': b'paths": 1_000',
+    b"within=5e-4": b"within=5e-2",
 }
 """What cells compute on the pages, and how much less of it here."""
 

@@ -80,8 +80,8 @@ def test_closed_teeth_open_just_below_it_and_stay_closed_just_above(name):
     for wheel in range(1, scene.stages + 1):
         below = dragged(scene, 0.995, wheel)
         above = dragged(scene, 1.005, wheel)
-        assert follow(above, 2000).sticking[-1].opened == math.inf, wheel
-        assert follow(below, 2000).found == 2000, wheel
+        assert follow(above, 400).sticking[-1].opened == math.inf, wheel
+        assert follow(below, 400).found == 400, wheel
         assert any(t.opens for t in rattle_threshold(below))
         assert not any(t.opens for t in rattle_threshold(above))
 

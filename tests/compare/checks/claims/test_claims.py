@@ -31,9 +31,10 @@ pytestmark = pytest.mark.filterwarnings("ignore:.*too short.*")
 
 @pytest.fixture(scope="module")
 def evidence():
-    effort = Effort(points=5_000, impacts=20_000, events=128)
+    effort = Effort(points=5_000, impacts=20_000, events=128, width=0.03)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(of_evidence, "CLAIM_IMPACTS", 6)
+        patch.setattr(of_evidence, "CLAIM_IMPACTS", 4)
+        patch.setattr(of_evidence, "PATH_STEPS", 500_000)
         return gather(dat21(), (0.02,), (0.3, 1.0, 2.0), 4000, effort, lambda part: None)
 
 
