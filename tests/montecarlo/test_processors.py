@@ -11,7 +11,7 @@ from programs import python
 
 pytestmark = pytest.mark.slow
 
-CASES = "euler-maruyama, kernel alone", "corrected, driven"
+CASES = "exact-flight, kernel alone", "corrected, driven"
 """No more than one sampler and one closure, for the process compiles all for itself."""
 CASES_FILE = ROOT / "tests" / "interpreted" / "cases.py"
 NEEDED = ("avx2", "fma", "bmi", "bmi2", "lzcnt", "popcnt", "f16c", "movbe")
