@@ -136,26 +136,49 @@ def test_what_was_started_ends_with_this_process(end):
     assert not is_running(child)
 
 
-KILLED_WRITING = """
+SUSPENDED_WRITING = """
 import os, signal
 from rattle.scene.moments import gaussian_raw_moments as f
-os.replace = lambda old, new: os.kill(os.getpid(), signal.SIGKILL)
+rename = os.replace
+def suspend(old, new):
+    os.replace = rename
+    os.kill(os.getpid(), signal.SIGSTOP)
+    rename(old, new)
+os.replace = suspend
 f(1.0, 0.5, 2.0, 4)
 """
 COUNTED = """
 from rattle.scene.moments import gaussian_raw_moments as f
 from rattle.scene.progress import compiler
+print("asks for it", flush=True)
 print(float(f(1.0, 0.5, 2.0, 4)[2, 2]), compiler.functions)
+"""
+WITHOUT_LOCKS = """
+import filelock
+def refuse(*words, **settings):
+    raise NotImplementedError
+filelock.FileLock.acquire = refuse
 """
 
 
 @pytest.mark.slow
 @COMPILED
-def test_a_process_that_is_killed_costs_its_part_alone(tmp_path):
+@pytest.mark.parametrize(
+    ("end", "compiled"), [(signal.SIGCONT, "0"), (signal.SIGKILL, "1"), (None, "1")]
+)
+def test_a_function_that_another_process_compiles_is_waited_for(tmp_path, end, compiled):
+    """One that is killed costs its part alone; without locks it is compiled twice."""
     kept = {"NUMBA_CACHE_DIR": str(tmp_path)}
-    python("-c", KILLED_WRITING, code=-signal.SIGKILL, **kept)
-    assert python("-c", COUNTED, **kept).stdout.split() == ["2.5", "1"]
-    assert python("-c", COUNTED, **kept).stdout.split() == ["2.5", "0"]
+    with start("-c", SUSPENDED_WRITING, **kept) as other:
+        stopped = os.waitid(os.P_PID, other.pid, os.WEXITED | os.WSTOPPED | os.WNOWAIT)
+        assert stopped.si_code == os.CLD_STOPPED
+        with start("-c", COUNTED if end else WITHOUT_LOCKS + COUNTED, **kept) as asking:
+            assert asking.stdout.readline() == "asks for it\n"
+            if end:
+                other.send_signal(end)
+            assert asking.stdout.read().split() == ["2.5", compiled]
+        other.send_signal(signal.SIGCONT)
+    assert python("-c", COUNTED, **kept).stdout.split()[-2:] == ["2.5", "0"]
 
 
 TYPES = """
