@@ -73,6 +73,11 @@ def site(tmp_path_factory):
     return out
 
 
+def test_what_is_computed_less_of_still_stands_on_a_page():
+    text = b"".join(page.read_bytes() for page in SOURCES)
+    assert not [much for much in LESS if much not in text]
+
+
 def test_every_page_is_there(site):
     """Each source has its page, and the search knows it."""
     # a table is of a page, by its directive
