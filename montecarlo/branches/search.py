@@ -117,10 +117,10 @@ class BranchSearch:
     """A search of the orbit and of its branches for other events, which goes on where less probable
     ones are wanted.
 
-    `dt`: Length of the steps whose noise is told for each branch.
+    `dt`: Length of the steps whose noise is told for each branch; None for none.
     """
 
-    def __init__(self, scene: Scene, impacts: int, dt: float) -> None:
+    def __init__(self, scene: Scene, impacts: int, dt: float | None) -> None:
         c = scene.constants
         state = first_state(scene)
         self.constants = c
@@ -129,10 +129,10 @@ class BranchSearch:
         follow_on(c, scene.phase, state, 0, self.orbit)
         self._slowest = slowest_impact(c, state)
         still = np.zeros((state.size, state.size))
-        silence = np.zeros(SEARCHED_STEPS)
-        begin = Gaussian(state, still, silence, np.zeros((state.size, SEARCHED_STEPS)))
+        steps = 0 if dt is None else SEARCHED_STEPS
+        begin = Gaussian(state, still, np.zeros(steps), np.zeros((state.size, steps)))
         self._queue = [_Parent(1.0, scene.phase, begin, 0, self.orbit)]  # the most probable last
-        self._grid = scene.phase, dt
+        self._grid = scene.phase, dt or 1.0
         self._branches: list[Branch] = []
         # of the state before each impact of the orbit to the noise; (2 wheels, steps) each
         self.responses: list[Floats] = []
@@ -243,6 +243,10 @@ def search_of(scene: Scene, impacts: int, dt: float | None = None) -> BranchSear
     """The search for the branches of a scene over a number of impacts, remembered with what it has
     found.
 
-    `dt`: Step of the noise that is told for each branch; by default that of exact flights.
+    `dt`: Step of the noise that is told for each branch; by default that of exact flights, so that
+    one search serves all who ask, but for many wheels, where telling it takes as long as the rest,
+    none is told.
     """
-    return _remembered(scene, impacts, dt or default_step(scene, EXACT_SCHEME))
+    if dt is None and scene.stages <= FEW_WHEELS:
+        dt = default_step(scene, EXACT_SCHEME)
+    return _remembered(scene, impacts, dt)
