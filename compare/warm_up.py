@@ -92,7 +92,7 @@ def tasks(orders: int = 1) -> dict[str, Task]:
         found.at_times([0.5 * (start + end)])
         found.density(WARM_UP_IMPACTS, "y1", np.zeros(1))
 
-    def follow_neighbours() -> None:
+    def follow_on_one_noise() -> None:
         """A long path, and pairs of paths on one noise."""
         LongPath(scene, 0).stretch(100)
         growths(scene, 1e-4, 2, seed=0, settle=10)
@@ -117,10 +117,10 @@ def tasks(orders: int = 1) -> dict[str, Task]:
         "rare branches": lambda: search_of(scene, 4).until(1.0),
         "orbits": partial(lyapunov, scene, impacts=8192),
         "closures in the long run": lambda: linear_law(periodic, attractor(periodic)),
-        "paths on one noise": follow_neighbours,
+        "paths on one noise": follow_on_one_noise,
     }
     exact = "scheme exact-flight"
-    return {exact: schemes.pop(exact), **others, **schemes, **closures}
+    return {exact: schemes[exact], **others, **schemes, **closures}
 
 
 @dataclass(frozen=True)

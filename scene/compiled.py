@@ -61,9 +61,7 @@ NUMBAS_CACHE: Any = FunctionCache
 NUMBAS_EXTENDING: Any = extending
 
 LONGEST_WAIT = 10.0  # seconds for another process that writes what it has compiled: milliseconds
-LONGEST_COMPILING = (
-    120.0  # the same for one that compiles a function: half a minute where it is slow
-)
+LONGEST_COMPILING = 120.0  # for one that compiles a function: half a minute on a slow machine
 GARBAGE = 20_000  # objects between two collections of garbage while a function is compiled
 
 Function = TypeVar("Function", bound=Callable[..., Any])
@@ -239,7 +237,10 @@ class Kept(NUMBAS_CACHE):  # type: ignore[misc]
         return signature, codegen.magic_tuple(), self._py_func.__code__.co_code
 
     def load_overload(self, signature: Any, target_context: Any) -> Any:
-        """Machine code from the disk; None where it has to be compiled."""
+        """Machine code from the disk; None where it has to be compiled.
+
+        What another process compiles now is waited for.
+        """
         if compiler.depth == 0:  # what is still held could not be compiled
             for key in tuple(self.held):
                 self._release(key)
@@ -264,7 +265,7 @@ class Kept(NUMBAS_CACHE):  # type: ignore[misc]
 
     def _take(self, signature: Any) -> bool:
         """Take the lock of a function that has to be compiled, once no other process compiles it;
-        whether there is one."""
+        whether that was possible."""
         if _folder is None or not _is_private(_folder):
             return False
         key = self._key(signature)

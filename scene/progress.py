@@ -297,7 +297,7 @@ class Compiler:
             self.end(compiled=0)
 
     def end(self, compiled: int = 1) -> None:
-        """A function is compiled, or cannot be."""
+        """A function is compiled, or cannot be; `compiled` is 0 where it was not this process."""
         with self._lock:
             self.depth -= 1
             if self.depth:

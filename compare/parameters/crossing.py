@@ -100,8 +100,15 @@ class Crossing(AlongParameter):
     --------
     >>> from rattle import DAT21, Scene
     >>> scene = Scene.from_gears(DAT21, sigma=0.5)
-    >>> few = {"between": (0.1, 0.6), "points": 2, "width": 0.5}
-    >>> found = crossing(scene, quantity="rate_above", level=600.0, over="amplitude", **few)
+    >>> found = crossing(
+    ...     scene,
+    ...     quantity="rate_above",
+    ...     level=600.0,
+    ...     over="amplitude",
+    ...     between=(0.1, 0.6),
+    ...     points=2,
+    ...     width=0.5,
+    ... )
     >>> set(found.points["verdict"]) <= {"below", "above", "undecided"}
     True
     """
@@ -226,8 +233,15 @@ def crossing(
     --------
     >>> from rattle import DAT21, Scene
     >>> scene = Scene.from_gears(DAT21, sigma=0.5)
-    >>> few = {"between": (0.1, 0.6), "points": 2, "width": 0.5}
-    >>> found = crossing(scene, quantity="power", level=1e3, over="amplitude", **few)
+    >>> found = crossing(
+    ...     scene,
+    ...     quantity="power",
+    ...     level=1e3,
+    ...     over="amplitude",
+    ...     between=(0.1, 0.6),
+    ...     points=2,
+    ...     width=0.5,
+    ... )
     >>> found.quantity_unit
     'mW'
     """

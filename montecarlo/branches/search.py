@@ -33,7 +33,7 @@ MOST_SEARCHED_PATHS = 12  # paths that are searched: the orbit, and the most pro
 # square of so many more wheels than `FEW_WHEELS` fewer, for their covariances take longer
 MOST_SEARCHED_FLIGHTS = 300
 FEW_WHEELS = 8
-# steps whose noise is told for each branch: its later noise is not
+# steps whose noise is known for each branch: later impacts have plain paths alone
 SEARCHED_STEPS = 2048
 SMALLEST = 1e-9
 """Probability down to which branches are known, and searched for branches of their own."""
@@ -117,7 +117,7 @@ class BranchSearch:
     """A search of the orbit and of its branches for other events, which goes on where less probable
     ones are wanted.
 
-    `dt`: Length of the steps whose noise is told for each branch; None for none.
+    `dt`: Length of the steps whose noise is known for each branch; None where it is not wanted.
     """
 
     def __init__(self, scene: Scene, impacts: int, dt: float | None) -> None:
@@ -132,7 +132,7 @@ class BranchSearch:
         steps = 0 if dt is None else SEARCHED_STEPS
         begin = Gaussian(state, still, np.zeros(steps), np.zeros((state.size, steps)))
         self._queue = [_Parent(1.0, scene.phase, begin, 0, self.orbit)]  # the most probable last
-        self._grid = scene.phase, dt or 1.0
+        self._grid = scene.phase, 1.0 if dt is None else dt  # of any length where there is no step
         self._branches: list[Branch] = []
         # of the state before each impact of the orbit to the noise; (2 wheels, steps) each
         self.responses: list[Floats] = []
@@ -243,9 +243,9 @@ def search_of(scene: Scene, impacts: int, dt: float | None = None) -> BranchSear
     """The search for the branches of a scene over a number of impacts, remembered with what it has
     found.
 
-    `dt`: Step of the noise that is told for each branch; by default that of exact flights, so that
-    one search serves all who ask, but for many wheels, where telling it takes as long as the rest,
-    none is told.
+    `dt`: Step of the noise that is known for each branch; by default that of exact flights, so that
+    one search serves all who ask.  For many wheels the noise takes as long as the rest: by default
+    it is not known then.
     """
     if dt is None and scene.stages <= FEW_WHEELS:
         dt = default_step(scene, EXACT_SCHEME)

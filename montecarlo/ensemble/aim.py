@@ -102,7 +102,7 @@ def aim(scene: Scene, impacts: int, dt: float) -> tuple[Exit, ...]:
     branches = [branch for branch in search.until(1.0).within(steps) if branch.shift.any()]
     if not search.responses:
         return ()
-    directions, known = _list_directions([each[:, :steps] for each in search.responses])
+    directions, known = _list_directions([response[:, :steps] for response in search.responses])
     if not len(directions):  # all impacts are at the start
         return ()
     plan = plan_of(scene, BLOCK, impacts, dt, EXACT_SCHEME, AIM_KEY)

@@ -28,16 +28,22 @@ def test_a_guess_saves_values_and_a_wrong_one_does_no_harm(near):
 def test_each_value_has_its_own_boundary(results):
     """Both sides of the edge of the first and the last column, which are not alike, judged with
     other random numbers."""
-    curve = results["map"].curve.set_index("along")
-    for alpha, row in curve.iloc[[0, -1]].iterrows():
-        scene = replace(QUIET, alpha=alpha)
-        between = (row["accurate"], row["wrong"])
-        again = run("boundary", scene=scene, impacts=2, between=between, points=2, width=0.9, rng=4)
+    curve = results["map"].curve
+    first, last = curve.iloc[[0, -1]].to_dict("records")
+
+    def agrees(alpha, edge):
+        """Whether no verdict at this value contradicts an edge."""
+        settings = {"impacts": 2, "points": 2, "width": 0.9, "rng": 4}
+        between = (edge["accurate"], edge["wrong"])
+        again = run("boundary", scene=replace(QUIET, alpha=alpha), between=between, **settings)
         below, above = again.points["verdict"]
-        assert below != Verdict.INACCURATE
-        assert above != Verdict.ACCURATE
+        return below != Verdict.INACCURATE and above != Verdict.ACCURATE
+
+    assert agrees(first["along"], first)
+    assert agrees(last["along"], last)
     # a column in the place of another is noticed
-    assert curve["accurate"].max() > curve["wrong"].min()
+    assert not agrees(first["along"], last)
+    assert not agrees(last["along"], first)
     assert critical(2, 2, 3) > critical(2, 2)
 
 
