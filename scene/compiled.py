@@ -36,7 +36,6 @@ from numba import extending
 from numba.core import event, types
 from numba.core.caching import FunctionCache
 from numba.core.runtime.nrt import rtsys
-from numba.extending import intrinsic
 
 from rattle.scene import compile_ahead
 from rattle.scene.progress import compiler, print_on_stderr
@@ -472,8 +471,8 @@ def _compile_for_callers(function: Function, options: dict[str, Any]) -> Functio
     return function
 
 
-def emulate_fma(a: float, b: float, c: float) -> float:
-    """``a * b + c`` rounded once, in fractions."""
+def fma(a: float, b: float, c: float) -> float:
+    """``a * b + c`` rounded once: by an instruction in compiled code, in fractions in Python."""
     a = float(a)
     b = float(b)
     c = float(c)
@@ -484,17 +483,16 @@ def emulate_fma(a: float, b: float, c: float) -> float:
         return math.inf if exact > 0 else -math.inf
 
 
-@intrinsic
-def _fma(_context: Any, a: Any, b: Any, c: Any) -> Any:
-    def emit(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
-        return builder.fma(*arguments)
-
-    return types.float64(types.float64, types.float64, types.float64), emit
+def _type_fma(_context: Any) -> Any:
+    return lambda _a, _b, _c: numba.float64(numba.float64, numba.float64, numba.float64)
 
 
-fma = cast(Callable[[float, float, float], float], emulate_fma if INTERPRETED else _fma)
-"""``fma(a, b, c)``: ``a * b + c`` rounded once, by an instruction in compiled code; emulated where
-numba is off."""
+def _emit_fma(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
+    return builder.fma(*arguments)
+
+
+NUMBAS_EXTENDING.type_callable(fma)(_type_fma)
+NUMBAS_EXTENDING.lower_builtin(fma, types.float64, types.float64, types.float64)(_emit_fma)
 
 
 def widest_vectors() -> None:

@@ -311,6 +311,8 @@ def block_kernel(scheme: Scheme, wheels: int = 0) -> Callable[..., tuple[int, in
     ) -> tuple[int, int]:
         widest_vectors()
         levels, live, impacts, _ = out.rows.shape
+        if wheels > 0 and job.c.wheels.size != wheels:
+            return 0, 0
         buffers = room.scratch
         scratch = Scratch(
             wheels if wheels > 0 else buffers.wheels,

@@ -189,8 +189,12 @@ def cut_share(c: Constants, phase: Phase, s: Floats, end: Floats, h: float, wall
         x1 = end[2 * i]
         y1 = end[2 * i + 1]
         rest = CLOSE_TO_WALL * c.wheels[i].size
-        close = noise_free_reach(c, i, y1, parent_deviation(c, end, i))
-        high = _cut_at(walls[2 * i] - x0, -y0, walls[2 * i] - x1, -y1, h, margin, rest, close)
+        high = walls[2 * i]
         low = walls[2 * i + 1]
-        share = min(share, high, _cut_at(low + x0, y0, low + x1, y1, h, margin, rest, close))
+        close = 0.0
+        if x1 > high or x1 < -low:
+            close = noise_free_reach(c, i, y1, parent_deviation(c, end, i))
+        above = _cut_at(high - x0, -y0, high - x1, -y1, h, margin, rest, close)
+        below = _cut_at(low + x0, y0, low + x1, y1, h, margin, rest, close)
+        share = min(share, above, below)
     return share

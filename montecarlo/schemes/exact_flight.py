@@ -277,7 +277,7 @@ def _due(c: Constants, s: Floats, walls: Floats) -> tuple[int, float, float]:
     return code, lead, reach
 
 
-@lean_internal
+@inline
 def _land(
     c: Constants,
     s: Floats,
@@ -294,7 +294,6 @@ def _land(
     `v`: scratch; by wheel, in its rows from 2 on, the deviation of its speed and the first two
     derivatives of that.  Only what is needed is passed: a call copies all of a tuple.
     """
-    not_inlined()
     second = -phase[0]
     first = phase[1]
     third = -third_of(c.drive, phase)

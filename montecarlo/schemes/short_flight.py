@@ -6,6 +6,7 @@ m(tau + s) (alpha + sigma dB/ds)``, and the Taylor series of the flight follow f
 which sine and cosine of the phase are two more series.
 """
 
+import math
 from typing import Any
 
 import numpy as np
@@ -18,7 +19,7 @@ from rattle.montecarlo.schemes.step_state import (
     Progress,
 )
 from rattle.scene import Constants, Floats
-from rattle.scene.compiled import inline, lean
+from rattle.scene.compiled import fma, inline, lean
 from rattle.scene.drive import (
     begin_derivatives,
     highest_order,
@@ -34,8 +35,15 @@ Phase = tuple[float, ...]
 Moved = tuple[Progress, Phase]
 """Where a path has come to within a step, and the phase there."""
 
-RECIPROCALS = np.array([0.0, *(1.0 / k for k in range(1, MOST_TERMS + 1))])
+WEIGHTS = np.array([1.0 / math.factorial(k) for k in range(MOST_TERMS + 1)])  # of derivatives
 NEGLIGIBLE = 1e-16  # size of a Taylor term, relative to the first, after which the series ends
+# terms are taken by fours: an end that differs from flight to flight is mispredicted, which costs
+# more than the terms
+FOUR = 4
+# largest time, in units of the fastest rate, for which so many fours are enough
+LONGEST = np.array(
+    [(NEGLIGIBLE * math.factorial(k)) ** (1.0 / k) for k in range(FOUR, MOST_TERMS + 1, FOUR)]
+)
 
 
 @inline
@@ -73,7 +81,7 @@ def shift_phase(drive: Any, phase: Phase, t: float) -> Phase:
     )
 
 
-@lean
+@inline
 def short_flight(
     c: Constants,
     alpha: float,
@@ -90,9 +98,9 @@ def short_flight(
 
     With u = t / h in [0, 1] the flight is ``dx/du = h y`` and ``dy/du = h (drag - beta y -
     stiffness x + coupling v_p) + m (even + odd u)``, v_p the deviation of the parent's speed; noise
-    on a wheel is a drag that grows.  All series are summed until their terms, of relative size ``(h
-    (1 + beta))^k / k!``, are below rounding: eight terms at the default step, three at the last
-    trial before an impact.
+    on a wheel is a drag that grows.  The derivatives of y in u follow from each other, and all
+    series are summed until their terms, of relative size ``(h (1 + beta))^k / k!``, are below
+    rounding: eight terms at the default step, four at the last trial before an impact.
 
     `alpha`, `dragged`: the excitation, and 1 with drag or 0 without.  Shapes: `s`, `end` (2
     wheels,); `series` as in `Scratch`, with the noises of single wheels alone.
@@ -101,69 +109,67 @@ def short_flight(
     for i in range(c.wheels.size):
         fastest = max(fastest, c.wheels[i].fastest)
     fastest = abs(h) * (highest_order(c.drive) + fastest)
-    terms, after = _expand_drive(c.drive, phase, h, fastest, series)
     odd_noise = 12.0 * c.sigma * area
     even_noise = c.sigma * increment - 0.5 * odd_noise
-    odd = c.modulates * odd_noise
     even = alpha * h + c.modulates * even_noise
+    odd = c.modulates * odd_noise
+    terms, after = _expand_drive(c.drive, phase, h, fastest, even, odd, series)
     nothing = series.shape[0] - 1  # a row of zeros: the driver does not deviate
     for i in range(c.wheels.size):
         wheel = c.wheels[i]
         # read once: what is written below might be what is read, as far as the compiler knows
-        beta = wheel.beta
-        coupling = wheel.coupling
         by_acceleration = wheel.second
         by_velocity = wheel.first
-        stiffness = wheel.stiffness
         sign = wheel.sign
         ratio = wheel.ratio
+        drives = wheel.drives != 0
+        damped = h * wheel.beta
+        coupled = h * wheel.coupling
+        pulled = h * h * wheel.stiffness
         speed = series[2 + i]
         carried = series[2 + wheel.parent if wheel.parent >= 0 else nothing]
         x = s[2 * i]
         y = s[2 * i + 1]
         # what does not follow the drive, at the start, and the rate at which that grows
-        steady = dragged * h * wheel.drag + even_noise * wheel.force
+        steady = h * (dragged * wheel.drag - wheel.stiffness * x) + even_noise * wheel.force
         growing = odd_noise * wheel.force
-        odd_alone = 12.0 * c.sigma * (sign * speed[AREA] + ratio * carried[AREA])
-        steady += c.sigma * (sign * speed[INCREMENT] + ratio * carried[INCREMENT])
-        steady -= 0.5 * odd_alone
-        growing += odd_alone
+        if wheel.shaking > 0.0:
+            odd_alone = 12.0 * c.sigma * (sign * speed[AREA] + ratio * carried[AREA])
+            steady += c.sigma * (sign * speed[INCREMENT] + ratio * carried[INCREMENT])
+            steady -= 0.5 * odd_alone
+            growing += odd_alone
         y_end = y
-        place = x
         moved = 0.0
         before = 0.0
         speed[0] = sign * y + ratio * carried[0]
-        for k in range(1, terms + 1):  # from the terms in u^(k - 1) to those in u^k
-            share = RECIPROCALS[k]
-            hk = h * share
-            m = by_acceleration * series[1, k - 1] + by_velocity * series[0, k - 1]
-            step = hk * y
-            moved += step
-            forced = share * (steady + (even * m + odd * before))
-            others = coupling * carried[k - 1] - stiffness * place
-            y = forced + hk * (others - beta * y)
-            place = step
-            y_end += y
-            before = m
+        for k in range(terms):  # from derivative k in u to the next one
+            weight = WEIGHTS[k + 1]
+            forced = fma(by_acceleration, series[1, k], fma(by_velocity, series[0, k], steady))
+            others = fma(coupled, carried[k], forced) - pulled * before
+            moved = fma(weight, y, moved)
+            before = y
+            y = fma(-damped, y, others)
+            y_end = fma(weight, y, y_end)
             steady = growing
             growing = 0.0
-            speed[k] = sign * y + ratio * carried[k]
-        end[2 * i] = x + moved
+            if drives:
+                speed[k + 1] = fma(sign, y, ratio * carried[k + 1])
+        end[2 * i] = x + h * moved
         end[2 * i + 1] = y_end
     return after
 
 
 @inline
 def _expand_drive(
-    drive: Any, phase: Phase, h: float, fastest: float, series: Floats
+    drive: Any, phase: Phase, h: float, fastest: float, even: float, odd: float, series: Floats
 ) -> tuple[int, Phase]:
-    """Taylor coefficients of ``f'`` and ``f''`` in u, as many as are needed, and the phase a time h
-    later.
+    """Derivatives in u of ``f' (even + odd u)`` and ``f'' (even + odd u)``, as many as are needed,
+    and the phase a time h later.
 
-    Of ``f = sin tau`` they are cosine and minus sine; of several orders derivative k - 1 and the
-    two after it go along.
+    Of ``f = sin tau`` the derivatives of f' and f'' follow from each other; of several orders
+    derivative k and the two after it go along.
     """
-    size = power = 1.0
+    power = 1.0
     first_end = second_end = third_end = 0.0
     first = second = third = 0.0
     if len(drive) == 0:
@@ -171,28 +177,32 @@ def _expand_drive(
         first = phase[1]
     else:
         first, second, third = begin_derivatives(drive, phase[3])
-    terms = MOST_TERMS - 1
-    for k in range(1, MOST_TERMS):
-        share = RECIPROCALS[k]
-        hk = h * share
-        series[0, k - 1] = power * first
-        series[1, k - 1] = power * second
-        first_end += power * first
-        second_end += power * second
-        third_end += power * third
-        size *= fastest * share
+    terms = FOUR
+    while terms < MOST_TERMS and fastest > LONGEST[terms // FOUR - 1]:
+        terms += FOUR
+    velocity_before = 0.0
+    acceleration_before = 0.0
+    rising = 0.0  # k times `odd`
+    for k in range(terms + 1):
+        velocity = power * first
+        acceleration = power * second
+        first_end += WEIGHTS[k] * velocity
+        second_end += WEIGHTS[k] * acceleration
+        third_end += WEIGHTS[k] * power * third
+        series[0, k] = fma(even, velocity, rising * velocity_before)
+        series[1, k] = fma(even, acceleration, rising * acceleration_before)
+        rising += odd
+        velocity_before = velocity
+        acceleration_before = acceleration
         if len(drive) == 0:
-            first, second = hk * second, -hk * first
-        if size < NEGLIGIBLE:
-            terms = k
-            break
-        if len(drive) != 0:
-            power *= hk
+            first, second = h * second, -h * first
+        else:
+            power *= h
             first = second
             second = third
-            third = next_derivative(drive, k)
+            third = next_derivative(drive, k + 1)
     if len(drive) == 0:
-        return terms, (-(second_end + second), first_end + first)
+        return terms, (-second_end, first_end)
     return terms, (-second_end, first_end, -third_end, phase[3] + h)
 
 

@@ -19,10 +19,10 @@ MOST_PARTS = 200
 """Most parts of a step that wait at once: the depth of the stack of cuts of an exact flight."""
 
 MOST_TERMS = 60  # of the Taylor series of a part of a step
-INCREMENT = MOST_TERMS
-AREA = MOST_TERMS + 1
+INCREMENT = MOST_TERMS + 1
+AREA = MOST_TERMS + 2
 """Columns beside the series of a wheel, of the noise that acts on it alone."""
-TERMS_AND_NOISE = MOST_TERMS + 2
+TERMS_AND_NOISE = MOST_TERMS + 3
 TOGETHER = 1e-12
 """Time in which impacts at two meshes count as one instant, and the first comes first: what a
 flight's rounding adds."""

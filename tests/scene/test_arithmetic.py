@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from rattle.closure.exponentials import exponentials
-from rattle.scene.compiled import emulate_fma, fma, jit, widest_vectors
+from rattle.scene.compiled import fma, jit, widest_vectors
 
 LARGEST_DOUBLE = 1.7976931348623157e308
 LEAST_DOUBLE = 5e-324
@@ -42,7 +42,7 @@ def exact(a, b, c):
 def test_it_rounds_once():
     a, b, c = operands()
     expected = np.array([exact(*abc) for abc in zip(a, b, c, strict=True)])
-    assert [emulate_fma(*abc) for abc in zip(a, b, c, strict=True)] == expected.tolist()
+    assert [fma(*abc) for abc in zip(a, b, c, strict=True)] == expected.tolist()
     found = np.empty(a.size)
     fused_arrays(a, b, c, found)
     assert np.array_equal(found, expected)
@@ -67,7 +67,7 @@ def test_it_rounds_once():
     ],
 )
 def test_at_the_ends_of_the_range(a, b, c):
-    assert emulate_fma(a, b, c) == fused(a, b, c)
+    assert fma(a, b, c) == fused(a, b, c)
     if math.isfinite(a * b + c):
         assert fused(a, b, c) == exact(a, b, c)
 
