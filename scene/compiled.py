@@ -36,6 +36,7 @@ from numba import extending
 from numba.core import event, types
 from numba.core.caching import FunctionCache
 from numba.core.runtime.nrt import rtsys
+from numpy.typing import NDArray
 
 from rattle.scene import compile_ahead
 from rattle.scene.progress import compiler, print_on_stderr
@@ -502,6 +503,22 @@ def widest_vectors() -> None:
     It prefers 256 otherwise, since some processors lower their clock under wide vectors; the loops
     over paths win in spite of that.  Numbers do not depend on it.
     """
+
+
+LINE = 64  # bytes of a line of the cache, and of the widest vector
+
+
+def vector_memory(shape: tuple[int, ...], fill: float = 0.0) -> NDArray[np.float64]:
+    """A new array that begins at a line of the cache.
+
+    A wide vector that lies across two lines is read and written in two parts: Euler's step takes a
+    seventh longer so.  Numpy begins its arrays anywhere.
+    """
+    memory = np.empty(8 * math.prod(shape) + LINE, np.uint8)
+    start = -memory.ctypes.data % LINE
+    array: NDArray[np.float64] = np.ndarray(shape, np.float64, memory, start)
+    array.fill(fill)
+    return array
 
 
 def not_inlined() -> None:

@@ -16,7 +16,7 @@ from rattle.montecarlo.schemes.step_state import (
     Scratch,
 )
 from rattle.scene import Bools, Constants, Floats, Ints
-from rattle.scene.compiled import inline, lean_internal, splice, widest_vectors
+from rattle.scene.compiled import inline, lean_internal, splice, vector_memory, widest_vectors
 from rattle.scene.types import BODY, WHEEL
 
 # finest steps between retirements of finished paths; a multiple of 4 (steps of a draw, coarsest
@@ -91,27 +91,29 @@ def lanes_of(
     lanes = (paths + 7) // 8 * 8 + SPARE_LANES
     shaken = bool(intensity.any())
     sources = wheels if shaken else 0
-    state = np.zeros((levels, states, lanes))
-    wall = np.ones((levels, states, lanes))
+    state, before, wall = vector_memory((3, levels, states, lanes))
+    w, area = vector_memory((2, levels, lanes))
     state[:, :, :paths] = start
+    before[:, :, :paths] = start
     wall[:, :, :paths] = walls
+    wall[:, :, paths:] = 1.0
     every = Lanes(
         state=state,
-        before=state.copy(),
+        before=before,
         walls=wall,
-        w=np.zeros((levels, lanes)),
-        area=np.zeros((levels, lanes)),
-        alone=np.zeros((levels, sources, 2, lanes)),
+        w=w,
+        area=area,
+        alone=vector_memory((levels, sources, 2, lanes)),
         last=np.full((levels, lanes), tau),
         impacts=np.zeros((levels, lanes), np.int64),
     )
     room = Room(
         path=np.arange(first, first + lanes, dtype=np.uint64),
         bits=np.zeros(lanes, np.uint64),
-        eta=np.zeros(lanes),
-        z=np.zeros((5, lanes)),
-        z_alone=np.zeros((sources, 4, lanes)),
-        carried=np.zeros((carried, lanes)),
+        eta=vector_memory((lanes,)),
+        z=vector_memory((5, lanes)),
+        z_alone=vector_memory((sources, 4, lanes)),
+        carried=vector_memory((carried, lanes)),
         marks=np.zeros(lanes, np.bool_),
         groups=np.empty(lanes // 8 + 1, np.int64),
         hits=np.empty(lanes + 1, np.int64),
@@ -127,7 +129,7 @@ def lanes_of(
             sides=np.zeros(wheels, np.int64),
             unfollowed=np.zeros((2, wheels)),
             forcing=np.zeros((wheels, FORCING)),
-            speeds=np.zeros((wheels, lanes)),
+            speeds=vector_memory((wheels, lanes)),
             bodies=np.zeros(wheels, BODY),
             choices=np.zeros((CHOICES, wheels), np.int64),
             wheels_beside=np.zeros(wheels, WHEEL),

@@ -17,7 +17,14 @@ from rattle.montecarlo.statistics.section_statistics import (
     undefined,
 )
 from rattle.scene import Floats, Ints
-from rattle.scene.compiled import inline, lean, lean_internal, splice, widest_vectors
+from rattle.scene.compiled import (
+    inline,
+    lean,
+    lean_internal,
+    splice,
+    vector_memory,
+    widest_vectors,
+)
 
 Strands = tuple[Floats, ...]
 
@@ -173,8 +180,7 @@ def columns_of(values: Floats) -> Floats:
     rows = values.reshape(len(values), -1)
     lanes = -(-len(rows) // STRAND) * STRAND
     lanes += STRAND if lanes % 512 == 0 else 0  # so that columns do not share lines of the cache
-    columns = np.empty((rows.shape[1], lanes))
-    columns[:, len(rows) :] = np.nan
+    columns = vector_memory((rows.shape[1], lanes), np.nan)
     columns[:, : len(rows)] = rows.T
     return columns
 
@@ -261,7 +267,7 @@ def _add_about(powers: Floats, known: Floats, orders: Ints, out: Floats) -> None
 
 def _room(columns: Floats) -> Floats:
     """Scratch of the sums over the paths of some columns."""
-    return np.empty((len(SINGLE), columns.shape[1] // 8))
+    return vector_memory((len(SINGLE), columns.shape[1] // 8))
 
 
 @dataclass(frozen=True)
@@ -300,7 +306,7 @@ class CentralSums:
         n = np.empty((groups, len(pairs)))
         mean = np.empty((2, *n.shape))
         sums = np.empty((len(orders), *n.shape))
-        powers = np.ones((2, int(exponents.max()) + 1, values.shape[1]))
+        powers = vector_memory((2, int(exponents.max()) + 1, values.shape[1]), 1.0)
         _block_sums(
             values,
             other,
@@ -328,7 +334,7 @@ class CentralSums:
         both = np.array(pairs)
         sums = np.empty((groups, variables, len(SINGLE)))
         products = np.empty((groups, len(pairs)))
-        deviations = np.empty((variables + 1, columns.shape[1]))
+        deviations = vector_memory((variables + 1, columns.shape[1]))
         _observe_groups(columns, both, deviations, _room(columns), n, mean, sums, products)
         return (
             cls(SINGLE, n, np.stack([mean, mean]), np.moveaxis(sums, -1, 0).copy()),
