@@ -4,6 +4,7 @@
 """
 
 import math
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -32,6 +33,7 @@ class TimeScales(NamedTuple):
     turning: float
 
 
+@lru_cache(maxsize=32)  # each limit of a step asks for them
 def time_scales(scene: Scene) -> TimeScales:
     """The time scales of a scene."""
     c = scene.constants
