@@ -20,7 +20,13 @@ from kept_tables import Table, columns, keep, short
 
 from rattle.montecarlo import Record, simulate
 from rattle.montecarlo.ensemble import aim
-from rattle.montecarlo.kernel.block import BLOCK, follow_itinerary, impact_codes, sample_mixture
+from rattle.montecarlo.kernel.block import (
+    BLOCK,
+    add_exits,
+    follow_itinerary,
+    impact_codes,
+    sample_mixture,
+)
 from rattle.montecarlo.kernel.mixture import mixture_of
 from rattle.montecarlo.schemes.step_size import default_step
 from rattle.montecarlo.settings import EXACT_SCHEME, NOISE_FREE, plan_of
@@ -85,7 +91,8 @@ def find_truth(scene):
     orbit = plan.itineraries[NOISE_FREE]
     for block in range(TRUTH_BLOCKS):
         rows, weights, _, _ = sample_mixture(plan, mixture, block)
-        follow_itinerary(rows, weights, orbit, left)
+        _, stays = follow_itinerary(rows, weights, orbit)
+        add_exits(rows, weights, orbit, stays, left)
     paths = TRUTH_BLOCKS * BLOCK
     return left[0] / paths, left[1] / paths**2
 

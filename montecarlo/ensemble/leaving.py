@@ -26,6 +26,7 @@ from rattle.montecarlo.ensemble.aim import ENOUGH_PATHS, Exit, aim, share_out
 from rattle.montecarlo.kernel.block import (
     BLOCK,
     Followers,
+    add_exits,
     follow_itinerary,
     impact_codes,
     sample_mixture,
@@ -137,5 +138,6 @@ def _sample_near(run: Any, exits: Sequence[Exit]) -> Floats:
     blocks = max(LEAST_LEAVING_BLOCKS, BLOCKS_OF_AN_EXIT * len(exits))
     for block in range(blocks):
         rows, weights, _, _ = sample_mixture(plan, mixture, block)
-        follow_itinerary(rows, weights, itinerary, left)
+        _, stays = follow_itinerary(rows, weights, itinerary)
+        add_exits(rows, weights, itinerary, stays, left)
     return _share(left, blocks * BLOCK)

@@ -342,9 +342,11 @@ def run(plan: Plan, block: int) -> Reduced:
     _count_codes(first, weights, of_codes, codes)
     agreeing = {}
     for name, itinerary in plan.itineraries.items():
-        agreeing[name], stays, left = follow_itinerary(first, weights, itinerary)
+        agreeing[name], stays = follow_itinerary(first, weights, itinerary)
         if name not in plan.apart:
             continue
+        left = np.zeros((3, *codes.shape))
+        add_exits(first, weights, itinerary, stays, left)
         if mixture is None:
             apart = _follower_sums(plan, itinerary, raw.rows, columns, stays, section)
         else:
@@ -413,21 +415,31 @@ def _count_codes(rows: Floats, weights: Floats, of_codes: Ints, codes: Floats) -
 
 
 def follow_itinerary(
-    rows: Floats, weights: Floats, itinerary: Sequence[int], left: Floats | None = None
-) -> tuple[Floats, Ints, Floats]:
-    """The weight that has followed an itinerary up to each impact, up to which impact each path
-    has, and what its next impact was: `Followers.left`, added to that of other paths if given.
+    rows: Floats, weights: Floats, itinerary: Sequence[int]
+) -> tuple[Floats, Ints]:
+    """The weight that has followed an itinerary up to each impact, and up to which impact each path
+    has.
 
     Shapes: `rows` (paths, impacts, columns); `weights` (paths, impacts); result (impacts,),
-    (paths,), (3, impacts, codes).
+    (paths,).
     """
-    impacts = weights.shape[1]
+    paths, impacts = weights.shape
+    differs = np.ones((paths, impacts + 1), np.bool_)
+    np.not_equal(rows[:, :, -1], np.array(itinerary), out=differs[:, :impacts])
+    stays = differs.argmax(axis=1)
+    follows = np.arange(impacts) < stays[:, None]
+    return np.add.reduce(np.where(follows, weights, 0.0)), stays
+
+
+def add_exits(
+    rows: Floats, weights: Floats, itinerary: Sequence[int], stays: Ints, left: Floats
+) -> None:
+    """Add to `Followers.left` what the next impact of each path was that left an itinerary.
+
+    `stays`: See `follow_itinerary`. Shapes: `left` (3, impacts, codes).
+    """
     of_codes = np.array(impact_codes((rows.shape[2] - 3) // 2))
-    left = np.zeros((3, impacts, of_codes.size)) if left is None else left
     codes = rows[:, :, -1]
-    follows = np.logical_and.accumulate(codes == np.array(itinerary), axis=1)
-    agreeing = np.add.accumulate(np.where(follows, weights, 0.0))[-1]
-    stays = follows.sum(axis=1)
     (leaving,) = np.nonzero(np.append(itinerary, 0)[stays])
     path, code = np.nonzero(codes[leaving, stays[leaving], None] == of_codes)
     leaving = leaving[path]
@@ -436,4 +448,3 @@ def follow_itinerary(
     np.add.at(left[0], exits, w)
     np.add.at(left[1], exits, w * w)
     np.maximum.at(left[2], exits, w)
-    return agreeing, stays, left
