@@ -260,7 +260,9 @@ def _due(c: Constants, s: Floats, walls: Floats) -> tuple[int, float, float]:
         x = s[2 * i]
         y = s[2 * i + 1]
         size = c.wheels[i].size
-        gap = walls[2 * i] - x if y > 0.0 else walls[2 * i + 1] + x
+        high = walls[2 * i] - x
+        low = walls[2 * i + 1] + x
+        gap = high if y > 0.0 else low
         if y == 0.0:
             continue
         if gap > NEAR_WALL * size:

@@ -146,7 +146,9 @@ def clip(s: Floats, walls: Floats) -> None:
 def put_on_wall(s: Floats, code: int, walls: Floats) -> None:
     """Put the gap of an impact ``mesh * side`` on that wall, in place."""
     i = abs(code) - 1
-    s[2 * i] = walls[2 * i] if code > 0 else -walls[2 * i + 1]
+    high = walls[2 * i]  # both are read, for which one it is cannot be predicted
+    low = walls[2 * i + 1]
+    s[2 * i] = high if code > 0 else -low
 
 
 @inline
