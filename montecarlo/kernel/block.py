@@ -32,8 +32,8 @@ BLOCK = 1024
 paths finish."""
 
 UNROLLED = 2
-"""Wheels for which loops over wheels are unrolled: impacts of exact flights take a fifth less time
-so; of one wheel nothing is gained."""
+"""Most wheels that have a kernel of their own, in which loops over wheels are unrolled: impacts of
+exact flights between two wheels take a fifth less time so, located ones of one wheel too."""
 
 
 def kept_places(wheels: int) -> tuple[int, ...]:
@@ -194,8 +194,8 @@ def sample(plan: Plan, block: int, reuse: bool = False) -> Raw:
     controls = _array("controls", beside, 0.0, reuse)
     out = Output(first, rows, plan.fixed_steps, fixed, controls)
     special = job.c.wheels["stiffness"].any() or job.c.wheels["alone"].any()
-    known = plan.scene.stages == UNROLLED and not special
-    kernel = block_kernel(SCHEMES[plan.scheme], UNROLLED if known else 0)
+    known = plan.scene.stages <= UNROLLED and not special
+    kernel = block_kernel(SCHEMES[plan.scheme], plan.scene.stages if known else 0)
     work, sticking = kernel(job, plan.scene.phase, plan.most_steps, every, room, out)
     unfinished = np.isnan(rows[0, :, -1, 0]).sum()
     return Raw(rows, fixed, controls, int(work), int(sticking), int(unfinished))

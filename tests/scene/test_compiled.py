@@ -101,6 +101,6 @@ def test_threads_that_decorate_at_once_keep_in_the_folder(monkeypatch, locked):
 def test_kernels_have_names_of_their_own():
     """Machine code of one name and types, compiled first in two processes, is one for the linker:
     exact flights were Euler's steps then."""
-    kernels = [block_kernel(scheme, n) for scheme in SCHEMES.values() for n in (0, 2)]
+    kernels = [block_kernel(scheme, n) for scheme in SCHEMES.values() for n in (0, 1, 2)]
     names = {getattr(kernel, "py_func", kernel).__qualname__ for kernel in kernels}
     assert len(names) == len(kernels)
