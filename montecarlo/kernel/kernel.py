@@ -312,7 +312,7 @@ def block_kernel(scheme: Scheme, wheels: int = 0) -> Callable[..., tuple[int, in
         widest_vectors()
         levels, live, impacts, _ = out.rows.shape
         if wheels > 0 and job.c.wheels.size != wheels:
-            return 0, 0
+            return 0, 0  # never: it tells the compiler how many there are
         buffers = room.scratch
         scratch = Scratch(
             wheels if wheels > 0 else buffers.wheels,

@@ -294,7 +294,7 @@ def _land(
     parabola.
 
     `v`: scratch; by wheel, in its rows from 2 on, the deviation of its speed and the first two
-    derivatives of that.  Only what is needed is passed: a call copies all of a tuple.
+    derivatives of that.
     """
     second = -phase[0]
     first = phase[1]

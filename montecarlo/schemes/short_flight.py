@@ -37,13 +37,11 @@ Moved = tuple[Progress, Phase]
 
 WEIGHTS = np.array([1.0 / math.factorial(k) for k in range(MOST_TERMS + 1)])  # of derivatives
 NEGLIGIBLE = 1e-16  # size of a Taylor term, relative to the first, after which the series ends
-# terms are taken by fours: an end that differs from flight to flight is mispredicted, which costs
-# more than the terms
-FOUR = 4
-# largest time, in units of the fastest rate, for which so many fours are enough
-LONGEST = np.array(
-    [(NEGLIGIBLE * math.factorial(k)) ** (1.0 / k) for k in range(FOUR, MOST_TERMS + 1, FOUR)]
-)
+# a number of terms that differs from flight to flight is mispredicted, which costs more than terms
+AT_ONCE = 4
+NUMBERS = range(AT_ONCE, MOST_TERMS + 1, AT_ONCE)
+# largest time, in units of the fastest rate, for which 4, 8, 12, ... terms are enough
+LARGEST_TIME = np.array([(NEGLIGIBLE * math.factorial(k)) ** (1.0 / k) for k in NUMBERS])
 
 
 @inline
@@ -177,9 +175,9 @@ def _expand_drive(
         first = phase[1]
     else:
         first, second, third = begin_derivatives(drive, phase[3])
-    terms = FOUR
-    while terms < MOST_TERMS and fastest > LONGEST[terms // FOUR - 1]:
-        terms += FOUR
+    terms = AT_ONCE
+    while terms < MOST_TERMS and fastest > LARGEST_TIME[terms // AT_ONCE - 1]:
+        terms += AT_ONCE
     velocity_before = 0.0
     acceleration_before = 0.0
     rising = 0.0  # k times `odd`

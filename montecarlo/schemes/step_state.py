@@ -68,7 +68,8 @@ class Scratch(NamedTuple):
     end: Floats
     walls: Floats  # distances of the flanks +1, -1, +2, -2, ... from their middle; (2 wheels,)
     whole: Floats  # state at the end of the whole step, if no wall is met; (2 wheels,)
-    # Taylor series: of f' and f'', of the deviation of each wheel's speed, and zeros; beside those
+    # derivatives in the unit of a flight's time: of what forces a gap by the drive's velocity and
+    # acceleration, of the deviation of each wheel's speed, and zeros; beside those
     # of a wheel, increment and area of the noise on it alone; (3 + wheels, TERMS_AND_NOISE)
     series: Floats
     # parts of the step that are still ahead: length, increment and area of the common noise, and
