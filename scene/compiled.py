@@ -1,5 +1,5 @@
 """How physics is compiled: six decorators, where machine code is kept, instructions that numba
-has no name for.
+has no name for, memory for vectors.
 
 Numba keeps machine code in a folder of the user's own, named by the sources that it was made from.
 Cached files are unpickled and executed, so whoever can write to the folder can run code as you: it

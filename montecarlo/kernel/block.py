@@ -428,7 +428,8 @@ def follow_itinerary(
     np.not_equal(rows[:, :, -1], np.array(itinerary), out=differs[:, :impacts])
     stays = differs.argmax(axis=1)
     follows = np.arange(impacts) < stays[:, None]
-    return np.add.reduce(np.where(follows, weights, 0.0)), stays
+    # added one path after another, in the same order everywhere
+    return np.add.accumulate(np.where(follows, weights, 0.0))[-1], stays
 
 
 def add_exits(

@@ -35,13 +35,19 @@ Phase = tuple[float, ...]
 Moved = tuple[Progress, Phase]
 """Where a path has come to within a step, and the phase there."""
 
-WEIGHTS = np.array([1.0 / math.factorial(k) for k in range(MOST_TERMS + 1)])  # of derivatives
 NEGLIGIBLE = 1e-16  # size of a Taylor term, relative to the first, after which the series ends
-# a number of terms that differs from flight to flight is mispredicted, which costs more than terms
-AT_ONCE = 4
-NUMBERS = range(AT_ONCE, MOST_TERMS + 1, AT_ONCE)
-# largest time, in units of the fastest rate, for which 4, 8, 12, ... terms are enough
-LARGEST_TIME = np.array([(NEGLIGIBLE * math.factorial(k)) ** (1.0 / k) for k in NUMBERS])
+# 1 / k!, of derivative k in the series
+FACTORIAL_WEIGHTS = np.array([1.0 / math.factorial(k) for k in range(MOST_TERMS + 1)])
+# terms that are summed or left out together: the processor mispredicts where a loop ends whose
+# length differs from flight to flight, which costs more than some terms
+TERMS_AT_ONCE = 4
+# largest h times the fastest rate for which 4, 8, 12, ... terms are enough
+LARGEST_FOR_TERMS = np.array(
+    [
+        (NEGLIGIBLE * math.factorial(k)) ** (1.0 / k)
+        for k in range(TERMS_AT_ONCE, MOST_TERMS + 1, TERMS_AT_ONCE)
+    ]
+)
 
 
 @inline
@@ -141,7 +147,7 @@ def short_flight(
         before = 0.0
         speed[0] = sign * y + ratio * carried[0]
         for k in range(terms):  # from derivative k in u to the next one
-            weight = WEIGHTS[k + 1]
+            weight = FACTORIAL_WEIGHTS[k + 1]
             forced = fma(by_acceleration, series[1, k], fma(by_velocity, series[0, k], steady))
             others = fma(coupled, carried[k], forced) - pulled * before
             moved = fma(weight, y, moved)
@@ -175,18 +181,18 @@ def _expand_drive(
         first = phase[1]
     else:
         first, second, third = begin_derivatives(drive, phase[3])
-    terms = AT_ONCE
-    while terms < MOST_TERMS and fastest > LARGEST_TIME[terms // AT_ONCE - 1]:
-        terms += AT_ONCE
+    terms = TERMS_AT_ONCE
+    while terms < MOST_TERMS and fastest > LARGEST_FOR_TERMS[terms // TERMS_AT_ONCE - 1]:
+        terms += TERMS_AT_ONCE
     velocity_before = 0.0
     acceleration_before = 0.0
     rising = 0.0  # k times `odd`
     for k in range(terms + 1):
         velocity = power * first
         acceleration = power * second
-        first_end += WEIGHTS[k] * velocity
-        second_end += WEIGHTS[k] * acceleration
-        third_end += WEIGHTS[k] * power * third
+        first_end += FACTORIAL_WEIGHTS[k] * velocity
+        second_end += FACTORIAL_WEIGHTS[k] * acceleration
+        third_end += FACTORIAL_WEIGHTS[k] * power * third
         series[0, k] = fma(even, velocity, rising * velocity_before)
         series[1, k] = fma(even, acceleration, rising * acceleration_before)
         rising += odd

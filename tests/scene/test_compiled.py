@@ -13,7 +13,7 @@ from rattle import Scene
 from rattle.montecarlo import SCHEMES
 from rattle.montecarlo.kernel.kernel import block_kernel
 from rattle.scene import compiled
-from rattle.scene.compiled import jit
+from rattle.scene.compiled import jit, vector_memory
 from rattle.scene.flight import flow
 
 
@@ -104,3 +104,14 @@ def test_kernels_have_names_of_their_own():
     kernels = [block_kernel(scheme, n) for scheme in SCHEMES.values() for n in (0, 1, 2)]
     names = {getattr(kernel, "py_func", kernel).__qualname__ for kernel in kernels}
     assert len(names) == len(kernels)
+
+
+def test_memory_for_vectors_begins_at_a_line_of_the_cache():
+    shapes = [(), (3,), (5, 8), (2, 0, 4), (3, 1, 4, 1280)]
+    held = [vector_memory(shape, 0.5) for shape in shapes for _ in range(20)]
+    starts = {array.ctypes.data % 64 for array in held}
+    assert starts == {0}
+    assert all((array == 0.5).all() and array.flags.c_contiguous for array in held)
+    assert [array.shape for array in held[::20]] == shapes
+    # negative control: one number later is beside it
+    assert vector_memory((9,))[1:].ctypes.data % 64 == 8
