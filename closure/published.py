@@ -19,7 +19,7 @@ import numpy as np
 from rattle.closure.edgeworth import window_shift
 from rattle.closure.moments import Trace, check_row, check_white
 from rattle.scene import Constants, Floats, InputError, Scene
-from rattle.scene.compiled import jit
+from rattle.scene.compiled import jit, little_code
 from rattle.scene.damping import decay, phi1
 from rattle.scene.elementary import unknown
 from rattle.scene.flight import flow, noise_covariance
@@ -48,6 +48,7 @@ def _in_flight(
 ) -> tuple[Floats, Floats, Floats]:
     """Mean (Eq. 22), its shift, and the raw moments of both stages, a time `t` after the impact at
     `tau`; `last`: of `last_wheel_alone`."""
+    little_code()
     first = c.wheels[0]
     # the unperturbed x, y of Eqs. 7 and 10
     state = beyond(mean, -1.0, shift)
@@ -250,6 +251,7 @@ def after_flight(raw: Floats, beta: float, t: float, q: Floats) -> Floats:
 
     Shapes: `raw` (order + 1, order + 1); `q` (2, 2); result (order + 1, order + 1).
     """
+    little_code()
     order = raw.shape[0] - 1
     e = phi1(beta, t)
     d = decay(beta, t)

@@ -21,7 +21,7 @@ import numpy as np
 
 from rattle.closure.exponentials import exponentials
 from rattle.scene import Constants, Floats, Ints, Scene, Tolerance, memory
-from rattle.scene.compiled import internal, jit
+from rattle.scene.compiled import internal, jit, little_code
 from rattle.scene.elementary import each, gauss_legendre
 from rattle.scene.flight import field, field_rate, jacobian, system_matrix
 from rattle.scene.linear_algebra import add_outer, apply, put_scaled, times, transform
@@ -251,6 +251,7 @@ def derivatives(flight: LinearFlight, mesh: int, side: int, d: int) -> tuple[Flo
 
     Shapes: `first` (d, d + k); `second` (1 + k, d + k, d + k).
     """
+    little_code()
     drift_rate = flight.rate
     explicit = flight.explicit
     propagator = flight.propagator

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from rattle.scene.compiled import internal, jit, not_inlined, splice
+from rattle.scene.compiled import internal, jit, little_code, not_inlined, splice
 from rattle.scene.damping import Damped, damped, pair
 from rattle.scene.drive import (
     PERIOD,
@@ -445,6 +445,7 @@ def noise_covariance(c: Constants, tau: float, t: float) -> Floats:
 
     Shapes: result (2 wheels, 2 wheels).
     """
+    little_code()
     size = 2 * c.wheels.size
     apart = _stand_apart(c, t)
     # deviations v and gaps y of the coordinates: a wheel apart is the coordinate sign v itself

@@ -31,7 +31,7 @@ from rattle.closure.branching.propagate import (
 )
 from rattle.closure.section_map import column, plain_size, redrawn_variances, start_pieces
 from rattle.scene import Constants, Floats, Ints, Scene
-from rattle.scene.compiled import internal, jit, splice
+from rattle.scene.compiled import internal, jit, little_code, splice
 from rattle.scene.flight import jacobian, noise_covariance, noise_rate
 from rattle.scene.impact import add_scatter, contact_matrix, strike
 from rattle.scene.linear_algebra import (
@@ -333,6 +333,7 @@ def fly(c: Constants, live: int, b: Buffers, level: Level, whole: Mixture) -> tu
     `b`: Components in ``b.start``; their images are written to ``b.image``. `whole`: Takes
     weight, mean and covariance of each component before it is split, with the noise of the flight.
     """
+    little_code()
     discarded = _add_noise(c, b.start, live, b.time)
     for i in range(live):
         whole.weight[i] = b.start.weight[i]
@@ -379,6 +380,7 @@ def _strike(
     component is still the orbit's, whose impact is `own`.  `redrawn` has the variances of the
     deviations of +1, -1, +2, -2, ... that contacts draw anew; it is empty if none are.
     """
+    little_code()
     section = image.section
     means = section.mean
     spreads = section.covariance

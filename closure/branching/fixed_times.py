@@ -17,7 +17,7 @@ from rattle.closure.branching.mixture import Mixture
 from rattle.closure.branching.propagate import half
 from rattle.closure.section_map import plain_size, start_covariance
 from rattle.scene import Constants, Floats, Ints, Scene
-from rattle.scene.compiled import internal, jit, splice
+from rattle.scene.compiled import internal, jit, little_code, splice
 from rattle.scene.elementary import unknown
 from rattle.scene.flight import flow, jacobian, noise_covariance
 from rattle.scene.linear_algebra import (
@@ -181,6 +181,7 @@ def _add(
 ) -> float:
     """Gaussians of the state at a time on a flight, three for each component; returns the share of
     started paths."""
+    little_code()
     started = 0.0
     weights = f.weight
     means = f.mean

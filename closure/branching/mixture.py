@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rattle.scene import Floats, Ints
-from rattle.scene.compiled import internal, jit, splice
+from rattle.scene.compiled import internal, jit, little_code, splice
 from rattle.scene.linear_algebra import eigen, largest
 
 
@@ -89,6 +89,7 @@ def reduce(parts: Mixture, count: int, most: int, out: Mixture) -> int:
 
     `most`: Largest number of components that may be left; at least the number of labels.
     """
+    little_code()
     means = parts.mean
     label = parts.label
     d = means.shape[1]

@@ -20,7 +20,7 @@ from rattle.closure.section_map import (
     plain_size,
 )
 from rattle.scene import Constants, Floats
-from rattle.scene.compiled import internal, jit, splice
+from rattle.scene.compiled import internal, jit, little_code, splice
 from rattle.scene.flight import field, flow, jacobian, noise_covariance
 from rattle.scene.impact import next_impact
 from rattle.scene.linear_algebra import (
@@ -96,6 +96,7 @@ def event(c: Constants, e: Floats) -> tuple[float, int, Floats]:
 
     Shapes: `e` (d,); result (2 wheels,).
     """
+    little_code()
     middle = np.zeros(c.wheels.size)
     if e.size > plain_size(c):
         c = between(c, e, middle)
@@ -120,6 +121,7 @@ def root(sigma: Floats, plain: int) -> tuple[int, Floats]:
 
     `plain`: Components that are not of the flanks. Shapes: `sigma` (d, d); `axes` (d, d).
     """
+    little_code()
     d = sigma.shape[0]
     weight = np.ones(d)
     weighed = sigma
@@ -169,6 +171,7 @@ def _boundary(
 
     It is searched for from `near`, where the next impact is `code`, to `far`.
     """
+    little_code()
     direction = apply(axes, u)
     found = event(c, beyond(centre, far, direction))[1]
     if found == code:
@@ -273,6 +276,7 @@ def _passing(
 
     Shapes: `centre` (d,); `axes` (d, rank); `before` (2 wheels,); result (rank,).
     """
+    little_code()
     mesh = abs(code)
     side = 1 if code > 0 else -1
     i = 2 * mesh - 2

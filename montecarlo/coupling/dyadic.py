@@ -39,7 +39,7 @@ from rattle.montecarlo.schemes.step_state import (
 )
 from rattle.montecarlo.schemes.sticking import is_any, leave_lifted, put_all
 from rattle.scene import Constants, Floats, InputError, Ints, Scene
-from rattle.scene.compiled import ZERO, internal, lean_internal, not_inlined, splice
+from rattle.scene.compiled import ZERO, internal, lean_internal, little_code, not_inlined, splice
 from rattle.scene.drive import velocity_acceleration
 from rattle.scene.impact import strike
 from rattle.scene.orbit import find_touching
@@ -180,6 +180,7 @@ def new_hits(c: Constants, most: int) -> Floats:
 @internal
 def _beside(tree: Tree) -> Tree:
     """The bodies that closed meshes leave, with their state."""
+    little_code()
     not_inlined()
     room = tree.room
     free = open_meshes(room.sides)
@@ -272,6 +273,7 @@ def _reach_wall_beside(
     tree: Tree, tau: float, left: float, h: float, increment: float
 ) -> tuple[float, int]:
     """`_reach_wall` beside closed meshes."""
+    little_code()
     not_inlined()
     part = _beside(tree)
     t, code = _reach_wall(part, tau, left, h, increment)
@@ -294,6 +296,7 @@ def _rests(s: Floats) -> bool:
 def _close_resting(tree: Tree, tau: float, noise: float, held: Ints) -> None:
     """Close, beside those that are held, the meshes at rest that a noise of known value keeps
     shut."""
+    little_code()
     not_inlined()
     c = tree.c
     room = tree.room
@@ -389,6 +392,7 @@ def _passes(tree: Tree, tau: float, h: float, noise: Noise) -> bool:
 @internal
 def _passes_beside(tree: Tree, tau: float, h: float, noise: Noise) -> bool:
     """`_passes` beside closed meshes."""
+    little_code()
     not_inlined()
     part = _beside(tree)
     passes = _passes(part, tau, h, noise)
@@ -428,6 +432,7 @@ def walk_step(
     was filled the path stays in this state to the end of the step. Shapes: `state` (2 wheels,);
     `hits` (at least 1, columns of `new_hits`).
     """
+    little_code()
     c = tree.c
     w = tree.clock
     room = tree.room
@@ -451,6 +456,7 @@ def walk_step(
 @internal
 def _close_for_step(tree: Tree, tau: float) -> None:
     """Close the meshes at rest that stick for a step."""
+    little_code()
     not_inlined()
     c = tree.c
     room = tree.room

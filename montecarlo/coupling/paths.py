@@ -16,7 +16,7 @@ from rattle.montecarlo.coupling.dyadic import DEEPEST, Tree, new_hits, tree_of, 
 from rattle.montecarlo.noise.philox import STEP, Word, normals
 from rattle.montecarlo.schemes.step_state import MOST_IN_A_STEP
 from rattle.scene import Constants, Floats, Scene
-from rattle.scene.compiled import internal, jit
+from rattle.scene.compiled import internal, jit, little_code
 from rattle.scene.flight import jacobian, noise_rate
 from rattle.scene.linear_algebra import put_row
 from rattle.scene.orbit import first_state
@@ -43,6 +43,7 @@ def _stretch(
 ) -> tuple[int, int, int]:
     """Fill the arrays from ``at = (x1, y1, ..., time since last impact)`` on; returns impacts,
     steps, sticking."""
+    little_code()
     c = tree.c
     w = tree.clock
     hits = new_hits(tree.c, MOST_IN_A_STEP)
@@ -298,6 +299,7 @@ def growths(
 
     `patience`: Time after which a growth is given up; it is returned as it is then.
     """
+    little_code()
     tree = tree_of(scene, seed, DEEPEST)
     wait = max(2, int(patience / tree.clock.h))
     found = np.empty((2, events))

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rattle.montecarlo.kernel.kernel import Job, Output, block_kernel, columns_recorded
+from rattle.montecarlo.kernel.kernel import Job, Output, columns_recorded, kernel_of
 from rattle.montecarlo.kernel.mixture import BranchMixture, draw_targets, no_mixture
 from rattle.montecarlo.noise.backlash import backlash_of, draw_walls
 from rattle.montecarlo.noise.memory import begin_memory, memory_of
@@ -30,10 +30,6 @@ from rattle.scene.wheel import flanks_of
 BLOCK = 1024
 """Paths of a block: small enough for the caches, large enough that few lanes idle while the last
 paths finish."""
-
-UNROLLED = 2
-"""Most wheels that have a kernel of their own, in which loops over wheels are unrolled: impacts of
-exact flights between two wheels take a fifth less time so, located ones of one wheel too."""
 
 
 def kept_places(wheels: int) -> tuple[int, ...]:
@@ -193,9 +189,7 @@ def sample(plan: Plan, block: int, reuse: bool = False) -> Raw:
     fixed = _array("fixed", (plan.levels, paths, plan.fixed_steps.size, columns - 3), np.nan, reuse)
     controls = _array("controls", beside, 0.0, reuse)
     out = Output(first, rows, plan.fixed_steps, fixed, controls)
-    special = job.c.wheels["stiffness"].any() or job.c.wheels["alone"].any()
-    known = plan.scene.stages <= UNROLLED and not special
-    kernel = block_kernel(SCHEMES[plan.scheme], plan.scene.stages if known else 0)
+    kernel = kernel_of(job.c, SCHEMES[plan.scheme])
     work, sticking = kernel(job, plan.scene.phase, plan.most_steps, every, room, out)
     unfinished = np.isnan(rows[0, :, -1, 0]).sum()
     return Raw(rows, fixed, controls, int(work), int(sticking), int(unfinished))
