@@ -324,7 +324,7 @@ class _Compiling(event.Listener):
             self._thresholds = gc.get_threshold()
             gc.set_threshold(GARBAGE)
             _print_warnings()
-            if _folder is not None:
+            if _folder is not None and not _anew:
                 compile_ahead.start(_folder)
 
     def on_end(self, event: Any) -> None:

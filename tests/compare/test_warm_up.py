@@ -69,6 +69,22 @@ def test_times_are_those_of_each_functions_own_work():
     assert (of_outer[["typing", "LLVM"]] > 0.0).all()
 
 
+@COMPILED
+def test_no_other_process_compiles_while_times_are_measured(monkeypatch):
+    started = []
+    monkeypatch.setattr(compile_ahead, "start", started.append)
+
+    def add_one(x):
+        return x + 1
+
+    add_one.__module__ = "rattle.of_this_test"
+    compiled_function = compiled.jit(add_one)
+    measure_times({"": lambda: compiled_function(1)})
+    assert not started
+    compiled_function(1.0)
+    assert started
+
+
 SESSION = """
 import sys, time
 from pathlib import Path
