@@ -30,6 +30,7 @@ from typing import Any, ClassVar, TypeVar, cast
 import llvmlite
 import llvmlite.binding
 import numba
+import numba.experimental.function_type  # with it numba knows the type of a function as argument
 import numpy as np
 from filelock import FileLock, Timeout
 from numba import extending
@@ -390,6 +391,19 @@ def _keep(function: Callable[..., Any], options: dict[str, Any]) -> Any:
     return compiled
 
 
+def as_argument(function: Any, *arguments: Any) -> Any:
+    """A compiled function as another one takes it, for arguments like these.
+
+    What calls a function by its name is linked with a copy of it, which LLVM optimises once more:
+    of a kernel that takes as long as the kernel itself.
+    """
+    if INTERPRETED:
+        return function
+    kinds = tuple(map(numba.typeof, arguments))
+    function.compile(kinds)
+    return types.CompileResultWAP(function.overloads[kinds])
+
+
 OPTIONS: dict[str, Any] = {
     "nogil": True,
     "no_cfunc_wrapper": True,
@@ -403,7 +417,7 @@ Division follows IEEE rules instead of raising: a branch on every division keeps
 vectorising the loops over paths.  No fast-math: results do not depend on how a loop over paths is
 cut.  What is not set a function that compiled code calls takes from its first caller.
 """
-LEAN = OPTIONS | {"_nrt": False}
+LEAN = OPTIONS | {"_nrt": False, "no_cfunc_wrapper": False}
 INTERNAL = OPTIONS | {"no_cpython_wrapper": True}
 LEAN_INTERNAL = LEAN | {"no_cpython_wrapper": True}
 INLINE = LEAN_INTERNAL | {"forceinline": True}

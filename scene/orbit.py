@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from rattle.scene import Constants, Floats, Ints, Scene
-from rattle.scene.compiled import internal, jit, little_code
+from rattle.scene.compiled import internal, jit
 from rattle.scene.drive import velocity_acceleration
 from rattle.scene.elementary import unknown
 from rattle.scene.flight import flow
@@ -111,7 +111,6 @@ def find_touching(c: Constants, state: Floats) -> Ints:
 def fly(c: Constants, period: float, at: Impacts, k: int) -> int:
     """Write the impacts after impact k, as far as no mesh can stick between them; returns the last
     one."""
-    little_code()
     while k + 1 < at.tau.size:
         if np.any(find_touching(c, at.after[k]) != 0):
             break

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rattle.scene.compiled import internal, jit, little_code
+from rattle.scene.compiled import internal, jit
 from rattle.scene.flight import field, jacobian
 from rattle.scene.impact import contact_matrix, strike
 from rattle.scene.linear_algebra import (
@@ -79,7 +79,6 @@ def saltation_matrix(c: Constants, mesh: int, tau: float, before: Floats) -> Flo
 
     Shapes: `before` (2 wheels,), the state just before it; result (2 wheels, 2 wheels).
     """
-    little_code()
     after = before.copy()
     strike(c, mesh, after)
     # R (1 - F- g' / (g' F-)) + F+ g' / (g' F-)
@@ -94,7 +93,6 @@ def saltation_matrix(c: Constants, mesh: int, tau: float, before: Floats) -> Flo
 def _across(frame: Floats, size: int, k: int) -> float:
     """Gram-Schmidt step, applied twice: remove the earlier vectors from vector k; returns the
     length that is left."""
-    little_code()
     v = frame[k, :size]
     for _ in range(2):
         for j in range(k):
@@ -117,7 +115,6 @@ def _across(frame: Floats, size: int, k: int) -> float:
 def _replace(frame: Floats, size: int, k: int) -> float:
     """Replace vector k by the coordinate axis furthest from the span of the earlier vectors;
     returns its length."""
-    little_code()
     best = -1.0
     axis = 0
     for a in range(size):
@@ -136,7 +133,6 @@ def _replace(frame: Floats, size: int, k: int) -> float:
 def _orthonormalise(frame: Floats, size: int, growth: Floats) -> None:
     """Gram-Schmidt on the first `size` vectors, in place; adds the logarithms of the lengths to
     `growth`."""
-    little_code()
     for k in range(size):
         length = _across(frame, size, k)
         growth[k] += np.log(length)
@@ -154,7 +150,6 @@ def grow(c: Constants, frame: Floats, s: Stretch) -> None:
 
     Shapes: `frame` (2 wheels, 2 wheels), a vector in each row.
     """
-    little_code()
     size = 2 * c.wheels.size
     for k in range(s.flight.size):
         mesh = abs(s.code[k])
