@@ -399,7 +399,12 @@ def as_argument(function: Any, *arguments: Any) -> Any:
     """
     if INTERPRETED:
         return function
-    kinds = tuple(map(numba.typeof, arguments))
+    return _by_address(function, tuple(map(numba.typeof, arguments)))
+
+
+@cache
+def _by_address(function: Any, kinds: tuple[Any, ...]) -> Any:
+    """A compiled function, as numba calls it by its address."""
     function.compile(kinds)
     return types.CompileResultWAP(function.overloads[kinds])
 

@@ -116,10 +116,9 @@ def find_closed(c: Constants, at: Progress, scratch: Scratch, quiet: Quiet) -> f
     return _close_slow(c, at, scratch, quiet) if slow else -1.0
 
 
-@lean_internal
+@splice
 def _close_slow(c: Constants, at: Progress, scratch: Scratch, quiet: Quiet) -> float:
     """`find_closed` where a gap is slow enough, and none is due for an impact."""
-    not_inlined()
     spread = c.sigma
     if c.memory > 0.0:
         c = with_known_noise(c, c.sigma * at.noise.increment / at.left)
