@@ -392,7 +392,8 @@ def _keep(function: Callable[..., Any], options: dict[str, Any]) -> Any:
 
 
 def as_argument(function: Any, *arguments: Any) -> Any:
-    """A compiled function as another one takes it, for arguments like these.
+    """A `lean` function as another compiled one takes it, to call it by its address, for arguments
+    like these.
 
     What calls a function by its name is linked with a copy of it, which LLVM optimises once more:
     of a kernel that takes as long as the kernel itself.
@@ -422,7 +423,7 @@ Division follows IEEE rules instead of raising: a branch on every division keeps
 vectorising the loops over paths.  No fast-math: results do not depend on how a loop over paths is
 cut.  What is not set a function that compiled code calls takes from its first caller.
 """
-LEAN = OPTIONS | {"_nrt": False, "no_cfunc_wrapper": False}
+LEAN = OPTIONS | {"_nrt": False}
 INTERNAL = OPTIONS | {"no_cpython_wrapper": True}
 LEAN_INTERNAL = LEAN | {"no_cpython_wrapper": True}
 INLINE = LEAN_INTERNAL | {"forceinline": True}
@@ -436,13 +437,14 @@ def jit(function: Function) -> Function:
     return cast(Function, _keep(function, OPTIONS))
 
 
-def lean(function: Function) -> Function:
+def lean(function: Function, by_address: bool = False) -> Function:
     """As `jit`, without reference counting: for functions that allocate no arrays and take views
     only.
 
-    With it the kernels of the paths would take a quarter more time to compile.
+    With it the kernels of the paths would take a quarter more time to compile. `by_address`:
+    Whether compiled code can call it by its address too, see `as_argument`.
     """
-    return cast(Function, _keep(function, LEAN))
+    return cast(Function, _keep(function, LEAN | {"no_cfunc_wrapper": not by_address}))
 
 
 def internal(function: Function) -> Function:

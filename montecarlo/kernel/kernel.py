@@ -317,7 +317,6 @@ def block_kernel(scheme: Scheme, wheels: int = 0) -> Kernel:
     find_sticking = scheme.find_sticking
     stick_to_end = scheme.stick_to_end
 
-    @lean
     def run_block(
         job: Job, tau: float, most_steps: int, every: Lanes, room: Room, out: Output
     ) -> tuple[int, int]:
@@ -398,4 +397,4 @@ def block_kernel(scheme: Scheme, wheels: int = 0) -> Kernel:
                 live = vector.retire(every, room, impacts, live)
         return work, sticking
 
-    return run_block
+    return lean(run_block, by_address=True)

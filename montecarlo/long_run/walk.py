@@ -98,8 +98,7 @@ def follow_stretches(
     overwritten by another. `stretches`, `until`, `length`: Stretches to follow at most, the number
     of periods to end at: the end of a batch, and the periods of a batch. Returns: 0; or, where a
     path had more impacts in a stretch than there is space for, how many.  The block is then as
-    before that stretch. Shapes:
-    `rows` (1, paths, impacts, columns).
+    before that stretch. Shapes: `rows` (1, paths, impacts, columns).
     """
     count = b.counters
     job = b.job
@@ -230,7 +229,8 @@ class Walk:
         self._rows = np.empty((1, paths, IMPACT_ROOM, self._columns))
         b = self._block
         out = Output(first, self._rows, self._fixed, b.samples, b.none)
-        self._run = as_argument(kernel_of(job.c, EXACT), b.job, b.tau, self.steps, every, room, out)
+        kernel = kernel_of(job.c, EXACT)
+        self._run = as_argument(kernel, b.job, b.tau, self.steps, every, room, out)
 
     def leave_out(self, most: float) -> None:
         """Hold meshes closed from now on while impacts that are not slow have at most this rate
