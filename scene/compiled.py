@@ -548,8 +548,10 @@ def not_inlined() -> None:
 
 
 def little_code() -> None:
-    """Ask the compiler for little code in the calling function: LLVM needs half its time, and a
-    function that is no loop over paths runs as fast."""
+    """Ask the compiler for little code in the calling function: LLVM takes half as long for it.
+
+    Loops over paths would run slower with it; functions that have none run as fast.
+    """
 
 
 def _lower_to_attribute(mark: Callable[[], None], attribute: str) -> None:

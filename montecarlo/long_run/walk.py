@@ -157,8 +157,8 @@ def follow_stretches(
                     struck[p, mesh] -= PERIOD
             if (until - count[PERIODS]) % length == 0:
                 sums.batch[0] += 1
-            if count[LONG] > 0 and part > b.steps // MOST_STRETCHES_OF_A_PERIOD:
-                break  # for shorter ones
+            if count[LONG] > 0:
+                break
     return int(lacking)
 
 

@@ -8,12 +8,15 @@ import numba
 import numpy as np
 import pytest
 from needs import COMPILED
+from scenes import dat21
 
-from rattle import Scene
+from rattle import Scene, simulate
 from rattle.montecarlo import SCHEMES
-from rattle.montecarlo.kernel.kernel import block_kernel
+from rattle.montecarlo.kernel.kernel import block_kernel, kernel_of
+from rattle.montecarlo.long_run.walk import Walk
+from rattle.montecarlo.schemes.exact_flight import EXACT
 from rattle.scene import compiled
-from rattle.scene.compiled import jit, vector_memory
+from rattle.scene.compiled import as_argument, jit, lean, vector_memory
 from rattle.scene.flight import flow
 
 
@@ -104,6 +107,37 @@ def test_kernels_have_names_of_their_own():
     kernels = [block_kernel(scheme, n) for scheme in SCHEMES.values() for n in (0, 1, 2)]
     names = {getattr(kernel, "py_func", kernel).__qualname__ for kernel in kernels}
     assert len(names) == len(kernels)
+
+
+@jit
+def applied(run, x):
+    """A function of ours that takes another one as an argument."""
+    return run(x, 1) + 1.0
+
+
+@COMPILED
+def test_functions_are_called_by_their_address():
+    double = lean(lambda x, power: x * 2.0**power, by_address=True)
+    assert applied(as_argument(double, 1.0, 1), 3.0) == 7.0
+    assert len(double.signatures) == 1
+
+
+@COMPILED
+def test_a_long_run_takes_the_kernel_that_simulate_compiles(monkeypatch):
+    taken = []
+
+    def take(function, *arguments):
+        taken.append(function)
+        return as_argument(function, *arguments)
+
+    monkeypatch.setattr("rattle.montecarlo.long_run.walk.as_argument", take)
+    scene = dat21(0.1)
+    simulate(scene, paths=8, impacts=1, rng=1)
+    kernel = kernel_of(scene.constants, EXACT)
+    known = list(kernel.signatures)
+    Walk(scene, np.random.SeedSequence(1), 0, 2)
+    assert taken == [kernel]
+    assert kernel.signatures == known
 
 
 def test_memory_for_vectors_begins_at_a_line_of_the_cache():
