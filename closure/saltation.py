@@ -9,6 +9,7 @@ mean, an O(sigma^2) effect, and the third cumulants.
 """
 
 import math
+from collections.abc import Sequence
 from functools import partial
 from typing import NamedTuple
 
@@ -132,13 +133,10 @@ def propagate(
     """
     tau = at.tau
     mesh = at.mesh
-    side = at.side
     before = at.before
     count = tau.size
     d = start.shape[0]
     plain = plain_size(c)
-    quantities = np.arange(plain)
-    places = np.append(0, quantities[1:] + 1)  # of tau and the state among the section quantities
     shift, sd, skew = unknown(3, count, plain + 1)
     section, covariance = unknown(2, count, d, d)  # before the impact, and after it
     section[0] = covariance[0] = start
@@ -147,7 +145,7 @@ def propagate(
     speed = struck_speeds(mesh[1 : found + 1], before[1 : found + 1])
     found = int(np.append(np.abs(speed) < slowest_impact(c, before[0]), True).argmax())
     # place of the deviation that is drawn anew, where flanks vary
-    flank = column(c.wheels.size, mesh, -side)
+    flank = column(c.wheels.size, mesh, -at.side)
     hits = [np.eye(d)]
     for k, w in enumerate(speed[:found].tolist(), 1):
         hit = contact_matrix(c, mesh[k], w, d, 1)
@@ -159,11 +157,8 @@ def propagate(
         ends = slice(low, high + 1)
         part = slice(low + 1, high + 1)
         steps = section_steps(c, Impacts.of(at, ends), d)
-        first = steps.first
-        hessian = steps.hessian
-        q = steps.noise
-        linear = first[:, :, :d]
-        added = transform(first[:, :, d:], q)
+        linear = steps.first[:, :, :d]
+        added = transform(steps.first[:, :, d:], steps.noise)
         for k, flown, noise in zip(range(low + 1, high + 1), linear, added, strict=True):
             section[k] = transform(flown, covariance[k - 1]) + noise
             covariance[k] = transform(hits[k], section[k])
@@ -177,34 +172,67 @@ def propagate(
         spread = section[part, 0, 0] + p[:, 0, 0] - 2.0 * cross  # variance of the flight time
         own = np.diagonal(section[part], axis1=1, axis2=2)[:, :plain]
         sd[part] = np.sqrt(np.maximum(np.insert(own, 1, spread, axis=1), 0.0))
-        if not second:
-            continue
-        slope = np.array(
-            [noise_slope(c, s, t) for s, t in zip(tau[low:high], np.diff(tau[ends]), strict=True)]
-        )
-        made = produce_cumulants(steps, p, slope)
-        bent = 0.5 * (
-            totals(hessian[:, :, :d, :d] * p[:, None]) + totals(hessian[:, :, d:, d:] * q[:, None])
-        )
-        thirds = np.empty((high - low, d, d, d))
-        cubes = np.empty((high - low, plain))
-        for n, k in enumerate(range(low + 1, high + 1)):
-            last = moved[0]
-            moved = image(linear[n], moved)
-            thirds[n] = third
-            third = map_cumulants(linear[n], third, made[n])
-            moved[steps.bent] += bent[n]
-            shift[k, places] = moved[:plain]
-            shift[k, 1] = moved[0] - last
-            cubes[n] = third[quantities, quantities, quantities]
-            bend, produced = rebound_cumulants(c, mesh[k], before[k], hits[k], section[k])
-            moved = image(hits[k], moved) + bend
-            third = map_cumulants(hits[k], third, produced)
-        cube = sd[part] * sd[part] * sd[part]
-        flight = flight_cumulants(first, hessian, p, q, slope, thirds)
-        found_cubes = np.insert(cubes, 1, flight, axis=1)
-        np.divide(found_cubes, cube, out=skew[part], where=cube > SMALLEST_DIVISOR)
+        if second:
+            rebounds = [
+                (hits[k], *rebound_cumulants(c, mesh[k], before[k], hits[k], section[k]))
+                for k in range(low + 1, high + 1)
+            ]
+            slope = np.array(
+                [
+                    noise_slope(c, s, t)
+                    for s, t in zip(tau[low:high], np.diff(tau[ends]), strict=True)
+                ]
+            )
+            shift[part], cubes, moved, third = _carry_cumulants(
+                steps, p, slope, rebounds, moved, third, plain
+            )
+            cube = sd[part] * sd[part] * sd[part]
+            np.divide(cubes, cube, out=skew[part], where=cube > SMALLEST_DIVISOR)
     return found, shift, sd, skew, section, covariance
+
+
+def _carry_cumulants(
+    steps: Steps,
+    p: Floats,
+    slope: Floats,
+    rebounds: Sequence[tuple[Floats, Floats, Floats]],
+    moved: Floats,
+    third: Floats,
+    plain: int,
+) -> tuple[Floats, Floats, Floats, Floats]:
+    """Mean shift and third cumulants of the section quantities at each impact; mean shift and third
+    cumulants of the section state after the last one.
+
+    `p`: Covariance of the section state before each flight. `slope`: See `noise_slope`. `rebounds`:
+    Of each impact its matrix, and the mean shift and third cumulants that it makes. `moved`,
+    `third`: Mean shift and third cumulants before the first flight. Shapes: `p` (n, d, d); result
+    (n, 1 + plain), (n, 1 + plain), (d,), (d, d, d).
+    """
+    first = steps.first
+    hessian = steps.hessian
+    q = steps.noise
+    count, d, _ = p.shape
+    quantities = np.arange(plain)
+    linear = first[:, :, :d]
+    made = produce_cumulants(steps, p, slope)
+    bent = 0.5 * (
+        totals(hessian[:, :, :d, :d] * p[:, None]) + totals(hessian[:, :, d:, d:] * q[:, None])
+    )
+    shift = np.empty((count, plain + 1))
+    cubes = np.empty((count, plain))
+    thirds = np.empty((count, d, d, d))
+    for n, (hit, bend, produced) in enumerate(rebounds):
+        last = moved[0]
+        moved = image(linear[n], moved)
+        thirds[n] = third
+        third = map_cumulants(linear[n], third, made[n])
+        moved[steps.bent] += bent[n]
+        shift[n] = np.insert(moved[:plain], 1, moved[0] - last)
+        cubes[n] = third[quantities, quantities, quantities]
+        moved = image(hit, moved) + bend
+        third = map_cumulants(hit, third, produced)
+    flight = flight_cumulants(first, hessian, p, q, slope, thirds)
+    return shift, np.insert(cubes, 1, flight, axis=1), moved, third
 
 
 def rebound_cumulants(

@@ -19,7 +19,7 @@ from functools import partial
 
 import numpy as np
 
-from rattle.closure.branching.advance import Level
+from rattle.closure.branching.advance import Advance, Level
 from rattle.closure.branching.fixed_times import FixedTimes
 from rattle.closure.branching.mixture import moments
 from rattle.closure.moments import (
@@ -29,7 +29,7 @@ from rattle.closure.moments import (
     check_white,
     within,
 )
-from rattle.scene import Floats, InputError, Scene, check_each_impact
+from rattle.scene import Bools, Floats, InputError, Scene, check_each_impact
 from rattle.scene.elementary import unknown
 from rattle.scene.orbit import Impacts, follow
 from rattle.scene.types import MOST_WHEELS
@@ -116,93 +116,112 @@ def _trace(scene: Scene, impacts: int, order: int, level: Level) -> Trace:
     orbit = follow(scene, impacts).until_sticking
     at = FixedTimes(scene, orbit, level, impacts)
     run = at.run
-    b = run.buffers
-    after = run.after
-    section = b.image.section
-    flight = b.image.flight
     states = orbit.before.shape[1]
-    wheels = states // 2
-    codes = [code for code in range(-wheels, wheels + 1) if code != 0]
-    known = Impacts.of(orbit).until(0)
-    rows = impacts + 1
-    agreement, discarded_at = unknown(2, rows)
-    covariance = unknown(rows, states, states)
-    sd, skew = unknown(2, rows, 2 + states)
-    doubted = np.zeros((rows, 2, 2 + states))
-    bent = np.zeros(rows)
-    followed = unknown(3, rows, 2 + states)
-    agreement[0] = 1.0
-    discarded_at[0] = 0.0
-    slow, residual = np.zeros((2, rows))
-    carried = np.zeros((rows, 2 + states))
+    records = Records(impacts + 1, states, Impacts.of(orbit).until(0))
     found = impacts
-    flights = np.zeros(rows, np.int64)
-    parts: dict[int, tuple[Floats, Floats, Floats]] = {}
-    for k in range(1, rows):
+    for k in range(1, impacts + 1):
         own = int(orbit.mesh[k] * orbit.side[k])
         at.fly()
-        struck = (section.weight[: 2 * run.flown] != 0.0) & (section.label[: 2 * run.flown] != 0)
+        section = run.buffers.image.section
+        flown = slice(2 * run.flown)
+        struck = (section.weight[flown] != 0.0) & (section.label[flown] != 0)
         run.strike(own)
-        flown = run.flown
-        count = run.kept
-        flights[k] = flown
-        slow[k] = b.start.weight[:flown] @ b.slow[:flown]
-        residual[k] = b.error[:flown].sum()
-        if count == 0 or run.discarded > 0.5:
+        records.add_flight(k, run)
+        if run.kept == 0 or run.discarded > 0.5:
             found = k - 1
             break
-        w = after.weight[:count]
-        s = section.mean[:count]
-        diagonal = np.diagonal(section.covariance[:count], axis1=1, axis2=2)
-        values = np.column_stack([s[:, 0], flight[:count, 0], s[:, 1 : 1 + states]])
-        variances = np.column_stack(
-            [diagonal[:, 0], flight[:count, 1], diagonal[:, 1 : 1 + states]]
-        )
-        parts[k] = w / w.sum(), values, variances
-        centre, sd[k], skew[k] = moments(w, values, variances)
-        known.tau[k] = centre[0]
-        known.before[k] = centre[2:]
-        doubted[k] = _doubted(w, after.doubt[:count], values - centre, variances)
-        bent[k] = w @ after.bent[:count] / w.sum()
-        carried[k] = _average(w, values - centre, variances, np.repeat(b.slow[:flown], 2)[struck])
-        code = max(codes, key=lambda a: w[section.label[:count] == a].sum())
-        known.mesh[k], known.side[k] = abs(code), np.sign(code)
-        on = after.label[:count] > MOST_WHEELS
-        agreement[k] = min(w[on].sum(), 1.0)
-        discarded_at[k] = run.discarded
-        if on.any():
-            followed[:, k] = moments(w[on], values[on], variances[on])
+        records.add_impact(k, run, struck)
         run.merge()
-
     stopped = (
         ""
         if found == impacts
         else f"more than half of the probability is discarded after impact {found}"
     )
-    raw = unknown(rows, wheels, order + 1, order + 1)
+    known = records.known
     return Trace(
         known.tau,
         known.mesh,
         known.side,
         known.before,
-        sd,
-        skew,
-        covariance,
-        raw,
+        records.sd,
+        records.skew,
+        unknown(impacts + 1, states, states),
+        unknown(impacts + 1, states // 2, order + 1, order + 1),
         at,
         found,
         stopped,
-        parts,
-        agreement=agreement,
-        discarded=discarded_at,
-        followed=followed,
-        flown=flights,
-        slow=slow,
-        carried=carried,
-        residual=residual,
-        doubted=doubted,
-        bent=bent,
+        records.parts,
+        agreement=records.agreement,
+        discarded=records.discarded,
+        followed=records.followed,
+        flown=records.flown,
+        slow=records.slow,
+        carried=records.carried,
+        residual=records.residual,
+        doubted=records.doubted,
+        bent=records.bent,
     )
+
+
+class Records:
+    """What is known of the mixture at each impact: the fields of `Trace` of these names."""
+
+    def __init__(self, rows: int, states: int, known: Impacts) -> None:
+        """With nothing but the start, which all paths share."""
+        self.known = known
+        self.parts: dict[int, tuple[Floats, Floats, Floats]] = {}
+        self.agreement, self.discarded = unknown(2, rows)
+        self.agreement[0] = 1.0
+        self.discarded[0] = 0.0
+        self.sd, self.skew = unknown(2, rows, 2 + states)
+        self.followed = unknown(3, rows, 2 + states)
+        self.doubted = np.zeros((rows, 2, 2 + states))
+        self.carried = np.zeros((rows, 2 + states))
+        self.slow, self.residual, self.bent = np.zeros((3, rows))
+        self.flown = np.zeros(rows, np.int64)
+
+    def add_flight(self, k: int, run: Advance) -> None:
+        """Record what a flight took, and what its noise and its components leave in doubt."""
+        b = run.buffers
+        self.flown[k] = run.flown
+        self.slow[k] = b.start.weight[: run.flown] @ b.slow[: run.flown]
+        self.residual[k] = b.error[: run.flown].sum()
+
+    def add_impact(self, k: int, run: Advance, struck: Bools) -> None:
+        """Record the components at an impact, before they are merged.
+
+        `struck`: Which images of the flown components have an impact; (2 flown,).
+        """
+        after = run.after
+        count = run.kept
+        section = run.buffers.image.section
+        flight = run.buffers.image.flight
+        w = after.weight[:count]
+        s = section.mean[:count]
+        diagonal = np.diagonal(section.covariance[:count], axis1=1, axis2=2)
+        states = self.known.before.shape[1]
+        values = np.column_stack([s[:, 0], flight[:count, 0], s[:, 1 : 1 + states]])
+        variances = np.column_stack(
+            [diagonal[:, 0], flight[:count, 1], diagonal[:, 1 : 1 + states]]
+        )
+        self.parts[k] = w / w.sum(), values, variances
+        centre, self.sd[k], self.skew[k] = moments(w, values, variances)
+        self.known.tau[k] = centre[0]
+        self.known.before[k] = centre[2:]
+        self.doubted[k] = _doubted(w, after.doubt[:count], values - centre, variances)
+        self.bent[k] = w @ after.bent[:count] / w.sum()
+        slow = np.repeat(run.buffers.slow[: run.flown], 2)[struck]
+        self.carried[k] = _average(w, values - centre, variances, slow)
+        wheels = states // 2
+        codes = [code for code in range(-wheels, wheels + 1) if code != 0]
+        code = max(codes, key=lambda a: w[section.label[:count] == a].sum())
+        self.known.mesh[k] = abs(code)
+        self.known.side[k] = np.sign(code)
+        on = after.label[:count] > MOST_WHEELS
+        self.agreement[k] = min(w[on].sum(), 1.0)
+        self.discarded[k] = run.discarded
+        if on.any():
+            self.followed[:, k] = moments(w[on], values[on], variances[on])
 
 
 def _doubted(weights: Floats, doubt: Floats, off: Floats, variances: Floats) -> Floats:

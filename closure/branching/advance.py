@@ -138,6 +138,38 @@ def _weigh(depth: float, own: float, bent: float) -> tuple[float, float]:
 
 
 @splice
+def _find_boundary(
+    c: Constants, b: Buffers, i: int, axes: Floats, code: int
+) -> tuple[int, float, float, Floats, Floats]:
+    """The next impact beyond the boundary that component `i` reaches across, and where that is.
+
+    Returns: The impact; the distance of the boundary in sds, 0 if none is reached; the part of
+    that sd that the noise until then makes (`own_spread`); one sd across the boundary, along the
+    axes and in the state. Shapes: `axes` (d, rank); result (rank,), (d,).
+    """
+    start = b.start
+    centre = start.mean[i]
+    w = start.weight[i]
+    reach = math.sqrt(2.0 * math.log(w / LEAST_WEIGHT_BEYOND) - 2.0)
+    other, q = cut_plane(c, centre, axes, code, b.ignored[i], reach)
+    n = np.zeros(q.size)
+    if other == code:
+        return other, 0.0, 1.0, n, apply(axes, n)
+    length = norm(q)
+    put_scaled(n, q, length)
+    depth = 1.0 / length
+    v = apply(axes, n)
+    last = start.label[i]
+    last -= ON_ORBIT if last > MOST_WHEELS else 0
+    there = beyond(centre, 1.01 * depth, v)
+    own = own_spread(c, centre, axes, there, b.time[b.parent[i]], last)
+    if depth > reach * own:
+        b.ignored[i] |= mark(c, other)  # the noise until that impact does not lead to it
+        depth = 0.0
+    return other, depth, own, n, v
+
+
+@splice
 def _examine(c: Constants, b: Buffers, i: int, level: Level) -> None:
     """Compute the image of component `i`, whole or in halves beside a boundary, and how it would
     best be split.
@@ -149,7 +181,6 @@ def _examine(c: Constants, b: Buffers, i: int, level: Level) -> None:
     w = start.weight[i]
     centre = start.mean[i]
     bent = start.bent[i]
-    doubt = start.doubt[i]
     rank, full = root(start.covariance[i], plain_size(c))
     axes = full[:, :rank].copy()
     t, code, before = event(c, centre)
@@ -157,34 +188,17 @@ def _examine(c: Constants, b: Buffers, i: int, level: Level) -> None:
     axis = b.axis[i]
     n = np.zeros(rank)
     v = n
-    depth = error = cut = tail = tail_doubt = halved = 0.0
+    depth = 0.0
     own = 1.0
-    pieces = 1
     if w > LIGHT and rank > 0 and code != 0:
-        reach = math.sqrt(2.0 * math.log(w / LEAST_WEIGHT_BEYOND) - 2.0)
-        other, q = cut_plane(c, centre, axes, code, b.ignored[i], reach)
-        if other != code:
-            length = norm(q)
-            put_scaled(n, q, length)
-            depth = 1.0 / length
-            v = apply(axes, n)
-            last = start.label[i]
-            last -= ON_ORBIT if last > MOST_WHEELS else 0
-            there = beyond(centre, 1.01 * depth, v)
-            own = own_spread(c, centre, axes, there, b.time[b.parent[i]], last)
-            if depth > reach * own:
-                b.ignored[i] |= mark(c, other)  # the noise until that impact does not lead to it
-                depth = 0.0
-            elif depth > TAIL_DISTANCE:
-                cut = depth
-                b.beyond[i] = other
-                put_row(axis, v)
-            else:
-                pieces = 2
-                halved = depth
-                put_row(b.plane[i], v)
+        b.beyond[i], depth, own, n, v = _find_boundary(c, b, i, axes, code)
+    cut = depth if depth > TAIL_DISTANCE else 0.0
+    pieces = 2 if depth > cut else 1
+    b.depth[i] = cut
+    b.halved[i] = depth - cut
+    b.tail[i] = b.doubt[i] = 0.0
     section.weight[2 * i + 1] = 0.0
-    worst = most = 0.0
+    error = worst = most = 0.0
     for k in range(pieces):
         image = 2 * i + k
         share = 1.0
@@ -201,10 +215,8 @@ def _examine(c: Constants, b: Buffers, i: int, level: Level) -> None:
         section.weight[image] = w * share
         bend, u = propagate(c, at, across, b.image, image)
         section.bent[image] = bent + bend
-        section.doubt[image] = doubt
+        section.doubt[image] = start.doubt[i]
         most = max(most, bend)
-        if cut > 0.0:
-            continue
         worth = w * share * bend**POWER if bend > level.flat else 0.0
         error += worth
         if pieces == 1 or worth > worst:
@@ -217,9 +229,12 @@ def _examine(c: Constants, b: Buffers, i: int, level: Level) -> None:
             put_row(axis, apply(axes, u))
     if cut > 0.0:
         error = w
-        tail, tail_doubt = _weigh(depth, own, bent + most)
+        put_row(axis, v)
+        b.tail[i], b.doubt[i] = _weigh(depth, own, bent + most)
     elif pieces == 2:
+        put_row(b.plane[i], v)
         share, more = _weigh(depth, own, bent + most)
+        doubt = start.doubt[i]
         section.doubt[2 * i] = math.hypot(doubt, more * share / (1.0 - share))
         section.doubt[2 * i + 1] = math.hypot(doubt, more)
         crossing = BRANCH * w * math.exp(-0.5 * depth * depth)
@@ -227,10 +242,6 @@ def _examine(c: Constants, b: Buffers, i: int, level: Level) -> None:
             put_row(axis, v)
         error += crossing
     b.error[i] = error
-    b.depth[i] = cut
-    b.halved[i] = halved
-    b.tail[i] = tail
-    b.doubt[i] = tail_doubt
 
 
 @splice

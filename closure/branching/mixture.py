@@ -79,6 +79,58 @@ def _by_label(label: Ints, count: int) -> Ints:
     return order
 
 
+@splice
+def _divide(means: Floats, members: Ints, axis: Floats, centre: Floats) -> int:
+    """Put the members of a group that lie below its centre, along its axis, before the others;
+    returns their number."""
+    low = 0
+    high = members.size - 1
+    while low <= high:
+        i = members[low]
+        along = 0.0
+        for a in range(centre.size):
+            along += (means[i, a] - centre[a]) * axis[a]
+        if along < 0.0:
+            low += 1
+        else:
+            members[low] = members[high]
+            members[high] = i
+            high -= 1
+    return low
+
+
+@splice
+def _merge(parts: Mixture, members: Ints, out: Mixture, g: int) -> None:
+    """Replace components by one of their total weight, mean and covariance, component `g` of
+    `out`."""
+    mean = out.mean[g]
+    spread = out.covariance[g]
+    d = mean.size
+    gap = np.empty(d)
+    mean[:] = 0.0
+    spread[:] = 0.0
+    total = bent = doubt = 0.0
+    out.label[g] = parts.label[members[0]]
+    for i in members:
+        w = parts.weight[i]
+        total += w
+        share = w / total
+        for a in range(d):
+            gap[a] = parts.mean[i, a] - mean[a]
+        for a in range(d):
+            for b in range(d):
+                spread[a, b] += share * (
+                    parts.covariance[i, a, b] - spread[a, b] + (1.0 - share) * gap[a] * gap[b]
+                )
+        for a in range(d):
+            mean[a] += share * gap[a]
+        bent += share * (parts.bent[i] - bent)
+        doubt += share * (parts.doubt[i] - doubt)
+    out.weight[g] = total
+    out.bent[g] = bent
+    out.doubt[g] = doubt
+
+
 @jit
 def reduce(parts: Mixture, count: int, most: int, out: Mixture) -> int:
     """Merge components of one label that lie close together; total weight, mean and covariance of
@@ -111,20 +163,9 @@ def reduce(parts: Mixture, count: int, most: int, out: Mixture) -> int:
         g = largest(gain, groups)
         if gain[g] <= 0.0:
             break
-        low = first[g]
-        high = last[g] - 1
-        while low <= high:
-            i = order[low]
-            along = 0.0
-            for a in range(d):
-                along += (means[i, a] - centres[g, a]) * axes[g, a]
-            if along < 0.0:
-                low += 1
-            else:
-                order[low] = order[high]
-                order[high] = i
-                high -= 1
-        if low == first[g] or low == last[g]:
+        below = _divide(means, order[first[g] : last[g]], axes[g], centres[g])
+        low = first[g] + below
+        if below == 0 or low == last[g]:
             gain[g] = 0.0
             continue
         first[groups] = low
@@ -135,32 +176,8 @@ def reduce(parts: Mixture, count: int, most: int, out: Mixture) -> int:
             if last[h] - first[h] > 1:
                 gain[h] = _spread(parts, order[first[h] : last[h]], axes[h], centres[h])
         groups += 1
-    gap = np.empty(d)
     for g in range(groups):
-        mean = out.mean[g]
-        spread = out.covariance[g]
-        mean[:] = 0.0
-        spread[:] = 0.0
-        total = bent = doubt = 0.0
-        out.label[g] = label[order[first[g]]]
-        for i in order[first[g] : last[g]]:
-            w = parts.weight[i]
-            total += w
-            share = w / total
-            for a in range(d):
-                gap[a] = means[i, a] - mean[a]
-            for a in range(d):
-                for b in range(d):
-                    spread[a, b] += share * (
-                        parts.covariance[i, a, b] - spread[a, b] + (1.0 - share) * gap[a] * gap[b]
-                    )
-            for a in range(d):
-                mean[a] += share * gap[a]
-            bent += share * (parts.bent[i] - bent)
-            doubt += share * (parts.doubt[i] - doubt)
-        out.weight[g] = total
-        out.bent[g] = bent
-        out.doubt[g] = doubt
+        _merge(parts, order[first[g] : last[g]], out, g)
     return groups
 
 

@@ -442,6 +442,38 @@ def slope(points: pd.DataFrame, method: str, measured: bool) -> tuple[float, int
     return power, len(rows)
 
 
+def _measure_schemes(
+    scene: Scene,
+    schemes: Sequence[str],
+    impacts: int,
+    accuracies: Sequence[float],
+    allowance: Allowance,
+    seed: int,
+    workers: int,
+) -> tuple[dict[str, CostModel], dict[str, list[tuple[CostPoint, Ensemble | None]]]]:
+    """The cost model of each scheme, and its point at each accuracy with its run; exact flights
+    come first."""
+    again, asked = (
+        partial(run, scene, impacts=impacts, rng=seed, workers=workers)
+        for run in (simulate, simulate_to)
+    )
+    models: dict[str, CostModel] = {}
+    runs: dict[str, list[tuple[CostPoint, Ensemble | None]]] = {scheme: [] for scheme in schemes}
+    exact = schemes[0]
+    with ProgressBar(label="accuracy", total=len(schemes) * len(accuracies), unit="point") as bar:
+        for scheme in schemes:
+            model = models[scheme] = CostModel.from_pilots(scene, scheme, again, allowance.timings)
+            shared = [models[exact].first, *(run for _, run in runs[exact] if run)]
+            # what paths near rare branches need says nothing of schemes that have none
+            plain = (run for run in shared if run.plan.mixture is None)
+            model.shared = max(plain, key=attrgetter("paths"))
+            for accuracy in accuracies:
+                bar.set_postfix_str(f"{scheme}, {accuracy:g}")
+                runs[scheme].append(_measure_point(model, accuracy, allowance, asked))
+                bar.update()
+    return models, runs
+
+
 def measure(
     base: Scene,
     *,
@@ -462,25 +494,11 @@ def measure(
     too, at the noise of the scene and of the paper.
     """
     scene = base.phase_reduced  # so that a late start loses no digits of the times
-    again, asked = (
-        partial(run, scene, impacts=impacts, rng=seed, workers=workers)
-        for run in (simulate, simulate_to)
-    )
-    models: dict[str, CostModel] = {}
     allowance = Allowance(budget)
-    runs: dict[str, list[tuple[CostPoint, Ensemble | None]]] = {scheme: [] for scheme in SCHEMES}
     exact, *euler = sorted(SCHEMES, key=lambda name: SCHEMES[name].has_step_bias)
-    with ProgressBar(label="accuracy", total=len(SCHEMES) * len(accuracies), unit="point") as bar:
-        for scheme in (exact, *euler):
-            model = models[scheme] = CostModel.from_pilots(scene, scheme, again, allowance.timings)
-            shared = [models[exact].first, *(run for _, run in runs[exact] if run)]
-            # what paths near rare branches need says nothing of schemes that have none
-            plain = (run for run in shared if run.plan.mixture is None)
-            model.shared = max(plain, key=attrgetter("paths"))
-            for accuracy in accuracies:
-                bar.set_postfix_str(f"{scheme}, {accuracy:g}")
-                runs[scheme].append(_measure_point(model, accuracy, allowance, asked))
-                bar.update()
+    models, runs = _measure_schemes(
+        scene, (exact, *euler), impacts, accuracies, allowance, seed, workers
+    )
     reference = models[exact].best
     firsts = {scheme: model.first for scheme, model in models.items()}
     steps = {scheme: level_steps(scene, scheme) for scheme in euler}

@@ -32,6 +32,7 @@ from rattle.montecarlo.settings import Sampling
 from rattle.montecarlo.statistics.intervals import AGAIN, FAMILY_ERROR, widest
 from rattle.scene import (
     InputError,
+    Ints,
     Scene,
     check_scene,
     choice,
@@ -149,22 +150,9 @@ def validate(
     orbit = follow(scene, impacts)
     record, sampling = _plan_records(orbit, predictions, sample, biased, fixed_times)
     run = sample(paths=paths, sampling=sampling, progress=progress, record=record)
-    moments = 2 * len(section_names(scene.stages)) * impacts * len(predictions)
-    checks = moments + scene.stages * impacts * len(predictions)
-    z = widest(checks)
-    section = errors.section_errors(maps, run, z, limits)
-    again = widest(checks, AGAIN * FAMILY_ERROR)
-    section, second_look = errors.judge_again(section, maps, run, again, limits, workers)
-    parts = [section]
     # the impact of the noise-free orbit that ends the flight of each fixed time
     flights = np.searchsorted(orbit.tau[: orbit.found + 1], run.at_times().index.to_numpy(float))
-    if scene.sigma > 0.0 and len(run.at_times()):
-        parts += [errors.mid_flight_errors(m, run, flights, z, limits) for m in maps]
-    parts.append(errors.itinerary_errors(maps, run, widest(moments), limits))
-    table = pd.concat(parts, ignore_index=True).reindex(columns=TABLE_COLUMNS)
-    raised = {name: m.stopped for name, m in predictions.items() if m.trace.raised}
-    remarks = zip(table["closure"], table["remark"].fillna(""), strict=True)
-    table["remark"] = [raised.get(name, remark) for name, remark in remarks]
+    z, table, second_look = _judge_rows(predictions, maps, run, flights, limits, workers)
     valid = errors.judge_correlation(maps, run, flights)
     run = replace(run, plan=run.plan._replace(scene=given))
     return Validation(
@@ -177,6 +165,38 @@ def validate(
         limits,
         second_look,
     )
+
+
+def _judge_rows(
+    predictions: Mapping[str, MeanMap],
+    maps: list[MeanMap],
+    run: Ensemble,
+    flights: Ints,
+    limits: Tolerances,
+    workers: int,
+) -> tuple[float, pd.DataFrame, Ensemble | None]:
+    """Half width of all intervals in standard errors, the rows of the table, and the paths of a
+    second look.
+
+    `maps`: The predictions of the phase-reduced scene. `flights`: The impact of the noise-free
+    orbit that ends the flight of each fixed time.
+    """
+    stages = run.scene.stages
+    moments = 2 * len(section_names(stages)) * run.impacts * len(maps)
+    checks = moments + stages * run.impacts * len(maps)
+    z = widest(checks)
+    section = errors.section_errors(maps, run, z, limits)
+    again = widest(checks, AGAIN * FAMILY_ERROR)
+    section, second_look = errors.judge_again(section, maps, run, again, limits, workers)
+    parts = [section]
+    if run.scene.sigma > 0.0 and flights.size:
+        parts += [errors.mid_flight_errors(m, run, flights, z, limits) for m in maps]
+    parts.append(errors.itinerary_errors(maps, run, widest(moments), limits))
+    table = pd.concat(parts, ignore_index=True).reindex(columns=TABLE_COLUMNS)
+    raised = {name: m.stopped for name, m in predictions.items() if m.trace.raised}
+    remarks = zip(table["closure"], table["remark"].fillna(""), strict=True)
+    table["remark"] = [raised.get(name, remark) for name, remark in remarks]
+    return z, table, second_look
 
 
 def _plan_records(
