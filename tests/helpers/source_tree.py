@@ -7,7 +7,9 @@ within a function.
 
 import ast
 
+import numpy as np
 from places import ROOT
+from scipy.sparse.csgraph import connected_components
 
 PACKAGES = ("scene", "closure", "montecarlo", "compare")
 
@@ -50,16 +52,11 @@ def import_graph(modules):
 
 def circles(graph):
     """Sets of modules that import each other, directly or through others."""
-    reach = {name: set(found) for name, found in graph.items()}
-    for middle in graph:
-        for name in graph:
-            if middle in reach[name]:
-                reach[name] |= reach[middle]
-    joined = {
-        frozenset(other for other in graph if other in reach[name] and name in reach[other])
-        for name in graph
-    }
-    return [set(circle) for circle in joined if circle]
+    names = list(graph)
+    imports = [[other in graph[name] for other in names] for name in names]
+    _, label = connected_components(np.array(imports), connection="strong")
+    joined = [{names[i] for i in np.flatnonzero(label == one)} for one in set(label)]
+    return [circle for circle in joined if len(circle) > 1]
 
 
 def rooms(graph, package):
@@ -75,26 +72,21 @@ def rooms(graph, package):
 
 def rows():
     """For each package and for all: modules, lines, lines of code, lines of docstrings."""
-    counts = []
+    total = np.zeros(4, int)
     for package in PACKAGES:
-        texts = [path.read_text() for path in sorted((ROOT / package).rglob("*.py"))]
-        documented = [docstring_lines(ast.parse(text)) for text in texts]
-        code = sum(
-            number not in lines and bool(line.strip()) and not line.strip().startswith("#")
-            for text, lines in zip(texts, documented, strict=True)
-            for number, line in enumerate(text.splitlines(), 1)
-        )
-        counts.append(
-            (
-                len(texts),
-                sum(len(text.splitlines()) for text in texts),
-                code,
-                sum(map(len, documented)),
+        counts = np.zeros(4, int)
+        for path in (ROOT / package).rglob("*.py"):
+            text = path.read_text()
+            documented = docstring_lines(ast.parse(text))
+            lines = [line.strip() for line in text.splitlines()]
+            code = sum(
+                number not in documented and line != "" and not line.startswith("#")
+                for number, line in enumerate(lines, 1)
             )
-        )
-    for package, found in zip(PACKAGES, counts, strict=True):
-        yield package, *found
-    yield "all", *(sum(column) for column in zip(*counts, strict=True))
+            counts += 1, len(lines), code, len(documented)
+        total += counts
+        yield package, *counts
+    yield "all", *total
 
 
 def main():
