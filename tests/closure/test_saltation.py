@@ -12,8 +12,6 @@ from rattle.scene import Restitution, section_names, state_names
 
 TOLERANCES = {
     "path, uniform": Tolerance(1e-3, 1e-3),
-    "path, normal": Tolerance(1e-3, 2e-3, distribution="normal"),
-    "contact, uniform": Tolerance(1e-3, 1e-3, draw="contact"),
     "contact, normal": Tolerance(2e-3, 1e-3, distribution="normal", draw="contact"),
     "fixed": Tolerance(1e-2, 2e-2, distribution="fixed"),
 }
@@ -28,7 +26,6 @@ PLAIN_SCENES = {
 }
 REMEMBERING_SCENES = {
     "orders": dat21(drive=ORDERS),
-    "short memory": dat21(correlation_time=0.1),
     "orders and memory": dat21(drive=ORDERS, correlation_time=1.0),
     "long memory": dat21(correlation_time=10.0),
     "a body's own memory": replace(OSCILLATOR, correlation_time=0.5),
