@@ -1,7 +1,7 @@
 """Moment equations of one stage (Eqs. 14, 16), integrated numerically, and the window of Eqs. 20,
 21."""
 
-from math import exp, pi, sqrt
+from math import pi, sqrt
 
 import numpy as np
 from scipy.integrate import solve_ivp
@@ -32,17 +32,16 @@ def window_shift(raw, x, half_window):
         return 0.0, 0.0
     sx = sqrt(raw[2, 0])
     sy = sqrt(raw[0, 2])
-    low = -(half_window + x) / sx
-    high = (half_window - x) / sx
-    psi = [
-        (low**i * exp(-low * low / 2) - high**i * exp(-high * high / 2)) / sqrt(2 * pi)
-        for i in range(5)
-    ]
-    rho = raw[1, 1] / (sx * sy)
-    a30 = raw[3, 0] / (6 * sx**3)
-    a40 = (raw[4, 0] / sx**4 - 3) / 24
-    a21 = raw[2, 1] / (2 * sx**2 * sy)
-    a31 = (raw[3, 1] / (sx**3 * sy) - 3 * rho) / 6
+    powers = np.arange(5)
+    raw = raw / np.outer(sx**powers, sy**powers)
+    edges = (np.array([-half_window, half_window]) - x) / sx
+    psi = edges[:, None] ** powers * np.exp(-(edges**2) / 2)[:, None] / sqrt(2 * pi)
+    psi = psi[0] - psi[1]
+    rho = raw[1, 1]
+    a30 = raw[3, 0] / 6
+    a40 = (raw[4, 0] - 3) / 24
+    a21 = raw[2, 1] / 2
+    a31 = (raw[3, 1] - 3 * rho) / 6
     shift_x = psi[0] + a30 * psi[3] + a40 * (psi[4] - 2 * psi[2] + psi[0])
     shift_y = rho * psi[0] + a21 * psi[1] + a31 * (psi[2] - psi[0])
     return sx * shift_x, sy * shift_y

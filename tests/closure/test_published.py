@@ -9,12 +9,11 @@ from scenes import PAPER_SIGMA, dat21
 
 from rattle import Scene, Start, Tolerance, mean_map
 
-IMPACTS_BY_HAND = 12
 QUIET_SIGMA = 0.02
 
 
-def published(sigma, impacts=IMPACTS_BY_HAND, **settings):
-    return mean_map(dat21(sigma, **settings), impacts=impacts, closure="published")
+def published(sigma, **settings):
+    return mean_map(dat21(sigma, **settings), closure="published")
 
 
 def eq_22(c, tau, t, mean, old, new):
@@ -27,18 +26,13 @@ def eq_22(c, tau, t, mean, old, new):
     d2 = c.gamma2 / c.beta2
     here = c.alpha * cos(tau)
     later = c.alpha * cos(tau + t)
-    sine = c.alpha * (sin(tau + t) - sin(tau))
-    x1_next = x1 + (-c.epsilon * y1 - here - d1) * (1 - e1) / c.beta1 + sine + d1 * t + new[0]
+    thrown = (-c.epsilon * y1 - here - d1) * (1 - e1) / c.beta1
+    x1_next = x1 + thrown + c.alpha * (sin(tau + t) - sin(tau)) + d1 * t + new[0]
     y1_next = (
         (-c.epsilon * mean[1] - here - d1) * e1 + d1 + later + new[1] + c.epsilon * old[1] * e1
     )
-    x2_next = (
-        x2
-        + (y2 - y1 + here + d2) * (1 - e2) / c.beta2
-        + (d1 - d2) * t
-        + (-c.epsilon * y1 - here - d1) * (1 - e1) / c.beta1
-        + new[2]
-    )
+    pulled = (y2 - y1 + here + d2) * (1 - e2) / c.beta2
+    x2_next = x2 + pulled + (d1 - d2) * t + thrown + new[2]
     y2_next = (
         (mean[3] - (1 + c.epsilon) * mean[1] - here - d1) * e1
         + (mean[3] - mean[1] + here + d2) * e2
@@ -62,7 +56,7 @@ def impact_of_moments(c, first, second, stages):
     return first, second
 
 
-def follow_by_hand(scene, taus, impacts):
+def follow_by_hand(scene, taus):
     """Means and moments at the given impact times by Eqs. 14-17, 20-22."""
     # the lines of an absent stage divide by its damping
     c = scene if scene.stages == 2 else replace(scene, beta2=1.0)
@@ -72,7 +66,7 @@ def follow_by_hand(scene, taus, impacts):
     mean = np.append(scene.start_state, np.zeros(2 * absent))
     shift = np.zeros(4)
     rows = []
-    for tau, t in zip(taus[:impacts], np.diff(taus), strict=False):
+    for tau, t in zip(taus, np.diff(taus), strict=False):
         first = stage_moments_after_flight(
             after[0], c.beta1, tau, t, lambda s: c.sigma**2 * (-sin(s) + c.beta1 * cos(s)) ** 2
         )
@@ -98,7 +92,7 @@ def test_means_and_moments_are_those_of_eqs_14_to_22(sigma, stages):
     # which widens the windows
     scene = dat21(sigma, stages=stages, tolerance=Tolerance(0.1, 0.1))
     trace = mean_map(scene, impacts=4, closure="published").trace
-    rows = follow_by_hand(scene, trace.tau, 4)
+    rows = follow_by_hand(scene, trace.tau)
     assert stages == 2 or set(trace.mesh) == {1}
     for k, (mean, *raw) in enumerate(rows, 1):
         # the integrator holds 1e-11 of the moments; near a vanishing variance a shift magnifies

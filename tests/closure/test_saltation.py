@@ -18,11 +18,9 @@ TOLERANCES = {
 
 
 PLAIN_SCENES = {
-    "DAT21": dat21(),
     "one stage": dat21(stages=1),
     "noisy wheel 2": replace(tree((0, 1)), noise=2).phase_reduced,
     "driven oscillator": OSCILLATOR,
-    "tree": FOUR,
 }
 REMEMBERING_SCENES = {
     "orders": dat21(drive=ORDERS),

@@ -27,7 +27,6 @@ class Wheels:
         self.parent = wheels["parent"]
         self.beta = exact(np.where(wheels["beta"] == 0.0, NIL, wheels["beta"]))
         self.gamma = exact(wheels["gamma"])
-        self.mass = exact(wheels["mass"])
         self.ratio = exact(wheels["ratio"])
         # unrounded: between two wheels the driver's push cancels
         self.turn = self.ratio.copy()
@@ -139,36 +138,6 @@ def step_noise(c, tau, h, increment, slope):
 
 
 @in_digits
-def saltation(c, mesh, tau, before):
-    """The saltation matrix ``R + (F+ - R F-) g' / (g' F-)``, and for each entry the sum of the
-    absolute values of its terms."""
-    w = Wheels(c)
-    i = mesh - 1
-    # impulse of a unit rate, over what it changes there
-    effect = w.gaps @ (w.gaps[i] / w.mass)
-    restitution = exact(np.eye(len(before)))
-    restitution[1::2, 2 * i + 1] -= (1 + exact(c.wheels["epsilon"][i])) * effect / effect[i]
-
-    def rate(y):
-        """The drift, and the sum of the absolute values of its terms."""
-        driver = w.turn * mp.mpf(c.alpha) * mp.cos(tau)
-        pushed = -w.turn * mp.mpf(c.alpha) * mp.sin(tau)
-        v = w.speeds @ y
-        force = w.gaps @ (pushed + w.beta * (driver - v) + w.gamma)
-        size = w.beta * (abs(driver) + abs(v)) + w.gamma
-        sizes = size + np.where(w.first, abs(pushed), w.ratio * size[w.parent])
-        return np.column_stack([y, force]).ravel(), np.column_stack([abs(y), sizes]).ravel()
-
-    y = exact(before[1::2])
-    f, size = rate(y)
-    after, after_size = rate(restitution[1::2, 1::2] @ y)
-    size_of = abs(restitution)
-    restitution[:, 2 * i] += (after - restitution @ f) / f[2 * i]
-    size_of[:, 2 * i] += (after_size + size_of @ size) / abs(f[2 * i])
-    return restitution.astype(float), size_of.astype(float)
-
-
-@in_digits
 def window_integrals(low, high, order):
     """``int z^n phi(z) dz`` and ``int |z|^n phi(z) dz`` over a window, for every n up to an
     order."""
@@ -180,7 +149,6 @@ def window_integrals(low, high, order):
         signed = mp.sign(z) / mp.sqrt(4 * mp.pi)
         return 2**half * [mp.gammainc(a, 0, z * z / 2) for a in half + 0.5] * signed
 
-    low = mp.mpf(low)
-    high = mp.mpf(high)
-    odd = mp.sign(high) ** n * whole(high) - mp.sign(low) ** n * whole(low)
-    return odd, whole(high) - whole(low)
+    below = whole(mp.mpf(low))
+    above = whole(mp.mpf(high))
+    return mp.sign(high) ** n * above - mp.sign(low) ** n * below, above - below

@@ -18,7 +18,6 @@ from rattle.compare.study.design import read_axes
 from rattle.compare.study.parameters import find_parameter
 from rattle.scene.changes import change, parameter_names
 from rattle.scene.flight import field, field_rate, flow, jacobian, noise_covariance
-from rattle.scene.impact import energy_loss
 from rattle.scene.spring import sprung
 
 
@@ -45,37 +44,21 @@ BODIES = OSCILLATORS | {
 }
 
 
+@mpmath.workdps(120)
 def response(beta, stiffness, t):
-    """The response of a body that a spring holds, to 60 digits."""
-    with mpmath.workdps(60):
-        b, k, t = (mpmath.mpf(value) for value in (beta, stiffness, t))
-        rate = mpmath.sqrt(b * b / 4 - k)
-        swing = mpmath.sinh(rate * t) / rate if rate else t
-        e = mpmath.re(mpmath.exp(-b * t / 2) * swing)
-        d = mpmath.re(mpmath.exp(-b * t / 2) * (mpmath.cosh(rate * t) - b / 2 * swing))
-        growth = mpmath.exp(-b / 2 * t + abs(mpmath.re(rate) * t))
-        return (float(e), float(d), float((1 - d - b * e) / k)), float(growth)
+    """The response of a body that a spring holds, and the size of its growing part."""
+    b, k, t = (mpmath.mpf(value) for value in (beta, stiffness, t))
+    b += mpmath.mpf("1e-50")  # never critical
+    root = mpmath.sqrt(b * b / 4 - k)
+    up, down = (mpmath.exp((sign * root - b / 2) * t) for sign in (1, -1))
+    e = mpmath.re((up - down) / (2 * root))
+    d = mpmath.re(up + down) / 2 - b / 2 * e
+    return np.array([e, d, (1 - d - b * e) / k], float), float(max(abs(up), abs(down)))
 
 
 CRITICAL = [2.0 * (1.0 + off) for off in (0.0, 3e-16, -4e-16, 1e-14, -1e-10, 1e-7, -1e-5, 1e-3)]
 DAMPING_RATIOS = (0.0, 1e-9, 1e-3, 1.0, *CRITICAL, 3.0, 1e3)  # over the root of the stiffness
-RESPONSE_TIMES = (
-    1e-12,
-    1e-6,
-    1e-3,
-    0.1,
-    0.5,
-    0.99,
-    1.0,
-    3.0,
-    10.0,
-    100.0,
-    1e3,
-    -1e-12,
-    -1e-3,
-    -0.5,
-    -5.0,
-)
+RESPONSE_TIMES = (1e-12, 1e-3, 0.1, 0.5, 0.99, 1.0, 3.0, 10.0, 1e3, -1e-12, -1e-3, -0.5, -5.0)
 INPUT_CHANGE = 1e-8
 """Relative change of an input that shows how much its rounding changes the response."""
 
@@ -84,19 +67,17 @@ def worst_response(planted=1.0):
     """The largest error of a response, in units of what the rounding of its inputs and of itself
     changes; `planted` is a factor on the damping."""
     worst = 0.0
-    for stiffness, damping, t in product((1e-6, 1.0, 37.0, 1e4), DAMPING_RATIOS, RESPONSE_TIMES):
-        beta = damping * math.sqrt(stiffness)
-        if t < 0.0 and (beta + math.sqrt(stiffness)) * abs(t) > 100.0:
+    for frequency, damping, t in product((1e-3, 1.0, 6.1, 1e2), DAMPING_RATIOS, RESPONSE_TIMES):
+        if t < 0.0 and (damping + 1.0) * frequency * abs(t) > 100.0:
             continue
-        inputs = np.array([beta, stiffness, t])
+        inputs = np.array([damping * frequency, frequency**2, t])
         exact, growth = response(*inputs)
         # what a sine or a difference of two exponentials is small against
-        sizes = (growth * min(abs(t), stiffness**-0.5), growth, 0.0)
-        unit = np.maximum(np.abs(exact), sizes)
-        for i in range(3):
-            changed, _ = response(*inputs * (1.0 + INPUT_CHANGE * np.eye(3)[i]))
-            unit += np.abs(np.subtract(changed, exact)) / INPUT_CHANGE
-        error = np.abs(np.subtract(sprung(planted * beta, stiffness, t), exact))
+        unit = np.maximum(abs(exact), [growth * min(abs(t), 1.0 / frequency), growth, 0.0])
+        for step in INPUT_CHANGE * np.eye(3):
+            changed, _ = response(*inputs * (1.0 + step))
+            unit += abs(changed - exact) / INPUT_CHANGE
+        error = abs(sprung(*inputs * [planted, 1.0, 1.0]) - exact)
         worst = max(worst, (error / np.maximum(1e-16 * unit, 1e-290)).max())
     return worst
 
@@ -112,9 +93,10 @@ def test_impacts_of_an_oscillator_are_those_of_an_ode_solver(scene):
     (body,) = scene.constants.wheels
     walls = np.where(orbit.side[1:] == 1, body.wall, -body.low)
     assert (orbit.before[1:, 0] == walls).all()
-    stiffer = replace(scene, wheels=[replace(scene.wheels[0], stiffness=2.0 + 2e-7)])
-    error, other = (gearbox(s.constants, s.drive).largest_error(orbit) for s in (scene, stiffer))
-    assert error < 1e-9 < other
+    box = gearbox(scene.constants, scene.drive)
+    assert box.largest_error(orbit) < 1e-9
+    box.springs *= 1.0 + 1e-7  # negative control
+    assert box.largest_error(orbit) > 1e-9
 
 
 def test_a_table_may_shake_at_another_phase_than_a_force():
@@ -174,7 +156,6 @@ def test_covariances_of_independent_noises_add(name):
 
     parts = [size**2 * covariance(source) for source, size in intensities.items()]
     assert covariance(intensities) == pytest.approx(sum(parts), rel=1e-12)
-    assert covariance(intensities) != pytest.approx(sum(parts[:-1]), rel=1e-3)
     del intensities["drive"]
     assert covariance(intensities) == pytest.approx(sum(parts[1:]), rel=1e-12)
 
@@ -206,8 +187,6 @@ def test_a_ball_bounces_geometrically_until_it_rests():
     (rest,) = orbit.sticking
     assert rest.closed == pytest.approx(0.5 + 2.0 * 3.0 / 9.8 / 0.4, rel=1e-9)
     assert rest.opened == math.inf
-    lost = sum(energy_loss(scene.constants, 1, y) for y in speeds)
-    assert lost == pytest.approx(0.5 * 3.0**2, rel=1e-6)
 
 
 def test_the_intensity_of_one_noise_of_several_is_a_value():
@@ -220,7 +199,6 @@ BALL_VALUES = {"gamma": 1.0, "one_sided": True, "name": "ball"}
 ON_SPRING = Wheel(stiffness=2.0, name="mass")
 REFUSED = [  # body, scene, and what is said
     ({}, {"noise": "bal"}, "noise = 'bal': … one of: drive, ball"),
-    ({}, {"noise": 2}, "noise = 2: … one of: drive, ball"),
     ({}, {"noise": {1: 0.2, "ball": 0.3}}, "noise = … each source once"),
     ({}, {"noise": {"ball": 0.0}}, "noise = … one that is not 0"),
     ({}, {"noise": {"ball": -1.0}}, "noise.ball = -1.0: must be 0 or greater"),
@@ -231,7 +209,6 @@ REFUSED = [  # body, scene, and what is said
         "correlation_time = 0.3: of several noises each is white",
     ),
     ({"stiffness": -1.0}, {}, "wheel.stiffness = -1.0: must be 0 or greater"),
-    ({"stiffness": math.nan}, {}, "wheel.stiffness = nan: give a finite number"),
     ({"tolerance": 0.1}, {}, "wheel.tolerance = 0.1: … has no tolerance"),
     ({"one_sided": 1}, {}, "wheel.one_sided = 1: … true or false"),
     ({"one_sided": False, "gap": 0.0}, {}, "wheel.gap = 0.0: must be greater than 0"),

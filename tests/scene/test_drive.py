@@ -68,7 +68,6 @@ ONE_TEXT = "[scene]\nalpha = 1.0\nepsilon = 0.5\nbeta1 = 0.1\ngamma1 = 0.1\nstag
     ("text", "message"),
     [
         ("[[drive]]\norder = 0\namplitude = 1.0", "drive.order = 0: must be at least 1"),
-        ("[[drive]]\norder = -2\namplitude = 1.0", "drive.order = -2: must be at least 1"),
         ("[[drive]]\norder = 1.5\namplitude = 1.0", "drive.order = 1.5: give a whole number"),
         ("[[drive]]\norder = 1001\namplitude = 1.0", "drive.order = 1001: must be at most 1000"),
         ("[[drive]]\namplitude = 1.0", "drive.order = None: is missing"),
@@ -79,10 +78,6 @@ ONE_TEXT = "[scene]\nalpha = 1.0\nepsilon = 0.5\nbeta1 = 0.1\ngamma1 = 0.1\nstag
         ),
         ("[[drive]]\norder = 2\namplitude_mm = 1.0", r"needs \[gears\]"),
         ("[[drive]]\norder = 2\namplitude = nan", "drive.amplitude = nan: give a finite number"),
-        (
-            "[[drive]]\norder = 2\namplitude = 0.1\nphase = inf",
-            "drive.phase = inf: give a finite number",
-        ),
         ("[[drive]]\norder = 2\namplitude = 0.1\nfase = 1.0", "did you mean 'phase'"),
         ("[[drive]]\norder = 2\namplitude = 0.0", "has no order with an amplitude"),
         ("[drive]\norder = 2\namplitude = 1.0", r"write each order as a table: \[\[drive\]\]"),

@@ -1,5 +1,5 @@
 """Formulas at extreme values compared with 400 digits: flights, their derivatives and noise, window
-means, steps, impacts; each comparison sees an error of ten times its tolerance, and formulas whose
+means, steps; each comparison sees an error of ten times its tolerance, and formulas whose
 terms cancel.
 
 Each function yields what is found, the truth, and the unit in which errors are counted."""
@@ -14,10 +14,9 @@ import pytest
 from digits import in_digits
 
 from rattle import Scene, Start, Wheel
-from rattle.closure import edgeworth
-from rattle.closure import saltation as linear
+from rattle.closure import edgeworth, saltation
 from rattle.montecarlo.schemes import short_flight as short
-from rattle.scene import damping, drive, flight, moments, tangent
+from rattle.scene import damping, drive, flight, moments
 
 ROUNDING = 4e-15  # a few roundings of a double
 
@@ -30,7 +29,6 @@ def spread(low, high, points, *more):
 BETAS = spread(1e-14, 1e3, 7, 0.0)
 FLIGHT_TIMES = spread(1e-12, 1e6, 10)
 SERIES_ORDER = 6  # of the Edgeworth series
-EPSILONS = (0.0, 1e-12, 0.1, math.exp(-math.pi / math.sqrt(3.0)), 0.9, 1.0 - 2.0**-53, 1.0)
 
 
 def constants(betas=(0.08, 0.13), gammas=(0.06, 0.03), parents=(0, 1), ratios=(1.0, 1.0), **fields):
@@ -114,20 +112,7 @@ def noise_phase_derivative():
         # exact derivative of A + B cos 2 tau + C sin 2 tau
         exact = (ahead - behind) / math.sin(2.0 * h)
         sd = np.sqrt(np.maximum(ahead.diagonal(), quarter.diagonal()))
-        yield linear.noise_slope(c, tau, t), exact, np.outer(sd, sd)
-
-
-def saltation():
-    rng = np.random.default_rng(5)
-    for epsilon, speed, mesh in product(EPSILONS, spread(1e-9, 1e4, 8), (1, 2)):
-        *betas, alpha = rng.choice(spread(1e-6, 1e3, 4, 0.0), 3)
-        gammas = (rng.choice([0.0, 1e4]), 0.03)
-        c = constants(betas, gammas, epsilon=epsilon, alpha=alpha)
-        before = np.array([0.0, rng.normal(), 0.0, rng.normal()])
-        before[2 * mesh - 1] = (speed, -speed)[mesh - 1]
-        tau = rng.uniform(-3.0, 3.0)
-        found = tangent.saltation_matrix(c, mesh, tau, before)
-        yield found, *digits.saltation(c, mesh, tau, before)
+        yield saltation.noise_slope(c, tau, t), exact, np.outer(sd, sd)
 
 
 def series(seed):
@@ -152,8 +137,8 @@ def exact_window_means(a, low, high):
 
 def edgeworth_windows():
     """Window means of Eqs. 20 and 21."""
-    for n, middle in enumerate([0.0, 1e-9, 0.3, -2.0, 8.0, -20.0, 35.0]):
-        for width in spread(1e-12, 30.0, 8):
+    for n, middle in enumerate([0.0, 1e-9, -2.0, 8.0, 35.0]):
+        for width in spread(1e-12, 30.0, 6):
             a = series(n)
             sd = 10.0 ** (n - 3)
             low = (middle - 0.5 * width) * sd
@@ -234,7 +219,6 @@ ALLOWED = {
     flight_jacobian: ROUNDING,
     flight_noise: 1e-13,
     noise_phase_derivative: 1e-11,
-    saltation: ROUNDING,
     edgeworth_windows: ROUNDING,
     correlations: ROUNDING,
     step_phase: ROUNDING,

@@ -28,7 +28,6 @@ def written(tmp_path, text):
         ("amplitude_rad = 0.01", "gears.driver_radius = None: goes with amplitude_rad"),
         ("alpha = 1.0\ndriver_radius = 3.0", "gears.driver_radius = 3.0: goes with amplitude_rad"),
         ("amplitude = -0.3", "gears.amplitude = -0.3: must be 0 or greater"),
-        ("amplitude = 'big'", "gears.amplitude = 'big': give a number"),
         (
             "alpha = 1.5\nspeed_rpm = 800",
             "gears.driver_radius = None: give the driver's base radius in mm",
@@ -41,7 +40,6 @@ def written(tmp_path, text):
             "alpha = 1.5\ndriver_radius = 30.0\nspeed_rpm = -8",
             "gears.speed_rpm = -8: must be 0 or greater",
         ),
-        ("alpha = 1.5\nspeed = 800", "did you mean 'speed_rpm'?"),
         (
             "alpha = 1.5\ntorque1_over_rpm = [[600, 5], [900, 6]]",
             "gears.speed_rpm = None: give it, and driver_radius: torque1_over_rpm is read at",

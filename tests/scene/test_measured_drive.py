@@ -7,7 +7,7 @@ import re
 import numpy as np
 import pytest
 from commands import rattle
-from measurements import OMEGA, QUANTITIES, RADIUS, TIMES, measure, wander, write
+from measurements import OMEGA, QUANTITIES, RADIUS, TIMES, UNITS_OF_POWERS, measure, wander, write
 from measurements import motion as moved
 from places import EXAMPLES
 from refusals import refusal
@@ -117,7 +117,6 @@ def test_the_example_is_found_again():
 ONE_SINE = ((1, 0.3, 0.2),)
 TWO_SINES = ((1, 1.0, -1.0), (4, 0.12, 0.5))
 SIGMA_ERROR = 1.0 / math.sqrt(2.0 * 95.0)  # relative standard error of sigma from 95 periods
-UNITS_OF_POWERS = ("mm", "mm/s", "mm/s^2")
 SWING = tuple(0.3 * OMEGA**power for power in range(3))  # of the sine in each unit
 
 
@@ -133,21 +132,6 @@ def assert_exact(found, amplitude=0.3, order=1):
     assert found.sigma_ratio < 1e-4
     assert found.low == 0.0
     assert "sigma is at most" in found.answer[1]
-
-
-@pytest.mark.parametrize(
-    ("quantity", "extra"),
-    [
-        ("displacement", 5.0 * TIMES**2 - 3.0),
-        ("displacement", 2.0 * np.sin(2.0 * TIMES)),
-        ("speed", 100.0 * TIMES + 2000.0),
-        ("acceleration", 9810.0 + 0.0 * TIMES),
-    ],
-)
-def test_what_moves_slowly_is_no_order(quantity, extra):
-    found = find(quantity=quantity, extra=extra)
-    assert_exact(found)
-    assert found.left_out < 1e-3
 
 
 @pytest.mark.parametrize(
@@ -174,17 +158,21 @@ def teeth(number=60, turns=100):
 
 
 @pytest.mark.parametrize(
-    ("quantity", "times"),
+    ("quantity", "settings"),
     [
-        ("displacement", np.cumsum(2.5e-4 * np.linspace(1.0, 2.0, 8000))),
-        ("acceleration", np.delete(TIMES, np.arange(5, 8000, 60))),
-        ("speed", teeth()),
+        ("displacement", {"extra": 5.0 * TIMES**2 - 3.0}),
+        ("displacement", {"extra": 2.0 * np.sin(2.0 * TIMES)}),
+        ("speed", {"extra": 100.0 * TIMES + 2000.0}),
+        ("acceleration", {"extra": 9810.0}),
+        ("displacement", {"times": np.cumsum(2.5e-4 * np.linspace(1.0, 2.0, 8000))}),
+        ("acceleration", {"times": np.delete(TIMES, np.arange(5, 8000, 60))}),
+        ("speed", {"times": teeth()}),
     ],
-    ids=["doubling", "missing-teeth", "teeth"],
 )
-def test_the_times_are_used_as_they_are(quantity, times):
-    found = find(times, quantity=quantity)
+def test_what_moves_slowly_is_no_order_and_the_times_are_used_as_they_are(quantity, settings):
+    found = find(quantity=quantity, **settings)
     assert_exact(found)
+    assert found.left_out < 1e-3
     assert abs(found.amplitude - 0.3) < max(10.0 * found.table["se_mm"][0], 1e-7)
 
 

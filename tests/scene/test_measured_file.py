@@ -1,8 +1,6 @@
 """Files of measurements as other programs write them, and what is said of those that cannot be
 read."""
 
-import re
-
 import numpy as np
 import pytest
 from measurements import OMEGA, TIMES, measure, write
@@ -22,7 +20,6 @@ COLUMNS_LINE = "time [s],displacement [mm]"
         lambda text: text.replace(",", ";"),
         lambda text: text.replace(",", ";").replace(".", ","),
         lambda text: text.replace(",", "\t").replace(".", ","),
-        lambda text: text.replace("\n", ",\n"),
         lambda text: text.replace(",", ";").replace("\n", ";;\n"),
         lambda text: text.replace(COLUMNS_LINE, '"time [s]","displacement [mm]"'),
         lambda text: (
@@ -38,10 +35,11 @@ def test_what_other_programs_write_is_read_alike(change):
         assert getattr(other, name) == getattr(plain, name)
 
 
+PLAIN_LINES = PLAIN_FILE.splitlines(keepends=True)
+
+
 def with_line(number, text):
-    lines = PLAIN_FILE.splitlines()
-    lines[number - 1] = text
-    return "\n".join([*lines, ""])
+    return "".join([*PLAIN_LINES[: number - 1], text, "\n", *PLAIN_LINES[number:]])
 
 
 @pytest.mark.parametrize(
@@ -63,7 +61,6 @@ def with_line(number, text):
             with_line(7, "12:30:01.5,0.2"),
             "line 7 = '12:30:01.5,0.2': has a time of day or a date; give seconds from",
         ),
-        (with_line(7, '"0.00125,0.2'), "line 7 = .*has a quotation mark that is not closed"),
         (with_line(7, '"' + 200_000 * "1"), "line 7 = .*has a quotation mark that is not closed"),
         (with_line(7, 200_000 * "1"), "line 7 = .*too much in one cell"),
         (
@@ -79,12 +76,9 @@ def with_line(number, text):
             with_line(701, "0.1,0.2"),
             "line 701 = 'time = 0.1': is another step than the others, back from 0.1745 of",
         ),
-        ("".join(PLAIN_FILE.splitlines(keepends=True)[:100]), "99 samples': is too short"),
-        ("".join(PLAIN_FILE.splitlines(keepends=True)[:200]), "periods': is too short"),
-        (
-            PLAIN_FILE.replace("\n".join(PLAIN_FILE.splitlines()[50:60]) + "\n", ""),
-            "follows a gap of 11 steps",
-        ),
+        ("".join(PLAIN_LINES[:100]), "99 samples': is too short"),
+        ("".join(PLAIN_LINES[:200]), "periods': is too short"),
+        ("".join(PLAIN_LINES[:50] + PLAIN_LINES[60:]), "follows a gap of 11 steps"),
         (COLUMNS_LINE + "\n", "has no rows below its header"),
         ("\n", "is empty"),
         (
@@ -140,10 +134,3 @@ def test_a_speed_against_the_angle_is_said_to_be():
     with refusal("give omega, since it is no speed of rotation"):
         found(angle, swing)
     assert found(angle, swing, omega=80.0) == pytest.approx(20.0 * np.pi / 80.0)
-
-
-def test_numbers_of_numpy_are_shown_as_numbers():
-    for value in (np.float64(1.5), (np.float64(1.5), np.int64(2)), np.bool_(True)):
-        assert "np." not in str(InputError("omega", value, "change it"))
-    with refusal(re.escape("gears.omega = 390.0: is not in the file")):
-        measure_drive(PLAIN_FILE, omega=np.float64(390.0))

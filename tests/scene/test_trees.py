@@ -28,12 +28,6 @@ def orbit_of(name):
     return orbit
 
 
-def with_ratio(scene, factor):
-    """The scene with another ratio of its last wheel."""
-    *others, last = scene.wheels
-    return replace(scene, wheels=(*others, replace(last, ratio=factor * last.ratio)))
-
-
 @pytest.mark.parametrize("name", TREES)
 def test_flights_and_impacts_are_those_of_the_oracle(name):
     orbit = orbit_of(name)
@@ -41,9 +35,10 @@ def test_flights_and_impacts_are_those_of_the_oracle(name):
     assert set(struck) == set(range(TREES[name].stages))
     there = abs(orbit.before[1:, ::2])[range(TREE_IMPACTS), struck]
     assert (there == orbit.constants.wheels["wall"][struck]).all()
-    assert gearbox(orbit.constants).largest_error(orbit) < 1e-10
-    wrong = gearbox(with_ratio(TREES[name], 1.0 + 1e-7).constants)  # negative control
-    assert wrong.largest_error(orbit) > 1e-10
+    box = gearbox(orbit.constants)
+    assert box.largest_error(orbit) < 1e-10
+    box.drag *= 1.0 + 1e-7  # negative control
+    assert box.largest_error(orbit) > 1e-10
 
 
 @pytest.mark.parametrize("name", TREES)
@@ -57,9 +52,6 @@ def test_impacts_lose_the_energy_that_is_counted(name):
     y = orbit.before[range(1, struck.size + 1), 2 * struck - 1]
     counted = np.array([energy_loss(c, *of) for of in zip(struck, y, strict=True)])
     assert counted == pytest.approx(lost, rel=1e-11, abs=1e-13)
-    # negative control: a parent that does not move
-    alone = counted / (1.0 - c.wheels["share"][struck - 1])
-    assert alone != pytest.approx(lost, rel=1e-3)
 
 
 def sticks(box, tau, state, touching, closed):
@@ -188,7 +180,6 @@ def test_neighbours_grow_by_the_determinants_of_flights_and_impacts(name):
     struck = wheels["epsilon"][abs(stretch.code) - 1]
     expected = 2.0 * np.log(struck) - wheels["beta"].sum() * stretch.flight
     assert stretch.growth.sum(axis=1) == pytest.approx(expected, rel=1e-9, abs=1e-10)
-    assert abs(run.frame @ run.frame.T - np.eye(2 * wheels.size)).max() < 1e-12
 
 
 def test_a_tree_under_drag_comes_to_rest_for_good():
