@@ -7,9 +7,7 @@ within a function.
 
 import ast
 
-import numpy as np
 from places import ROOT
-from scipy.sparse.csgraph import connected_components
 
 PACKAGES = ("scene", "closure", "montecarlo", "compare")
 
@@ -52,11 +50,16 @@ def import_graph(modules):
 
 def circles(graph):
     """Sets of modules that import each other, directly or through others."""
-    names = list(graph)
-    imports = [[other in graph[name] for other in names] for name in names]
-    _, label = connected_components(np.array(imports), connection="strong")
-    joined = [{names[i] for i in np.flatnonzero(label == one)} for one in set(label)]
-    return [circle for circle in joined if len(circle) > 1]
+    reach = {name: set(found) for name, found in graph.items()}
+    for middle in graph:
+        for name in graph:
+            if middle in reach[name]:
+                reach[name] |= reach[middle]
+    joined = {
+        frozenset(other for other in graph if other in reach[name] and name in reach[other])
+        for name in graph
+    }
+    return [set(circle) for circle in joined if circle]
 
 
 def rooms(graph, package):
@@ -72,9 +75,9 @@ def rooms(graph, package):
 
 def rows():
     """For each package and for all: modules, lines, lines of code, lines of docstrings."""
-    total = np.zeros(4, int)
+    everything = []
     for package in PACKAGES:
-        counts = np.zeros(4, int)
+        found = []
         for path in (ROOT / package).rglob("*.py"):
             text = path.read_text()
             documented = docstring_lines(ast.parse(text))
@@ -83,10 +86,10 @@ def rows():
                 number not in documented and line != "" and not line.startswith("#")
                 for number, line in enumerate(lines, 1)
             )
-            counts += 1, len(lines), code, len(documented)
-        total += counts
-        yield package, *counts
-    yield "all", *total
+            found.append((1, len(lines), code, len(documented)))
+        yield package, *map(sum, zip(*found, strict=True))
+        everything += found
+    yield "all", *map(sum, zip(*everything, strict=True))
 
 
 def main():

@@ -103,12 +103,14 @@ def test_a_table_may_shake_at_another_phase_than_a_force():
     """A body on a spring to the ground, pushed by a force, above a table with a phase of its own:
     in absolute places it flies as on the drive that the guide gives; on that of the table alone it
     does not."""
-    beta, stiffness, table, force, phase, gravity = 0.2, 1.5, 0.6, 0.8, 1.1, 0.3
-    body = Wheel(beta=beta, gamma=gravity, stiffness=stiffness, one_sided=True, gap=0.4)
+    body = Wheel(beta=0.2, gamma=0.3, stiffness=1.5, one_sided=True, gap=0.4)
+    table = 0.6
+    force = 0.8
+    phase = 1.1
 
     def fly(tau, z):
-        pushed = force * math.sin(tau + phase)
-        return [z[1], -gravity - beta * z[1] - stiffness * z[0] + pushed]
+        pushed = force * math.sin(tau + phase) - body.gamma
+        return [z[1], pushed - body.beta * z[1] - body.stiffness * z[0]]
 
     def place(tau, state):
         return table * np.array([math.sin(tau), math.cos(tau)]) - state
@@ -124,8 +126,8 @@ def test_a_table_may_shake_at_another_phase_than_a_force():
             errors.append(flown.y[:, -1] - place(end, orbit.before[k + 1]))
         return np.abs(errors).max()
 
-    own = complex(-1.0, beta)
-    drive = (table * (own + stiffness) - force * np.exp(1j * phase)) / own
+    own = complex(-1.0, body.beta)
+    drive = (table * (own + body.stiffness) - force * np.exp(1j * phase)) / own
     assert largest_error(drive) < 1e-7 < largest_error(table)
 
 
