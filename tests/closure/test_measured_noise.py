@@ -76,7 +76,6 @@ def test_a_spectrum_counts_by_its_mean_density():
 @pytest.mark.parametrize(
     ("given", "words"),
     [
-        ({}, "give rms and bandwidth, or a spectrum"),
         ({"rms": 0.03}, "give rms and bandwidth"),
         (
             {"rms": 0.03, "spectrum": ([0.0, 1.0], [1.0, 1.0])},

@@ -84,6 +84,14 @@ class Gearbox:
         matrix[1::2, 2 * i + 1] -= (1.0 + self.epsilon[i]) * self.effect[:, i]
         return matrix
 
+    def saltation(self, mesh, tau, before):
+        """What an impact makes of the differences of neighbours at one time."""
+        i = 2 * (mesh - 1)
+        jump = self.restitution(mesh)
+        begun, left = (self.rates(tau, state) for state in (before, jump @ before))
+        jump[:, i] += (left - jump @ begun) / begun[i]
+        return jump
+
     def contact_forces(self, tau, state, closed):
         """Pushes that keep the meshes of a mask closed, in units of their effect, and y' with
         them."""
@@ -159,10 +167,7 @@ def follow_covariance(scene, orbit, bends=True):
         middles.append(spread)
         spread = box.covariance(begin + half, spread, half)
         ends.append(spread)
-        jump = box.restitution(orbit.mesh[k])
-        if bends:
-            i = 2 * orbit.mesh[k] - 2
-            before, after = (box.rates(end, of[k]) for of in (orbit.before, orbit.after))
-            jump[:, i] += (after - jump @ before) / before[i]
+        mesh = orbit.mesh[k]
+        jump = box.saltation(mesh, end, orbit.before[k]) if bends else box.restitution(mesh)
         spread = jump @ spread @ jump.T
     return np.array(middles), np.array(ends)

