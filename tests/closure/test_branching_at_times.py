@@ -98,7 +98,7 @@ def test_in_flight_at_small_noise_it_is_the_saltation_closure(scene):
 def test_as_many_flights_are_followed_as_the_time_asks_for():
     """At the mean time of the last impact some paths are beyond it, and all are counted."""
     scene, _ = BRANCHED["DAT21, strong"]
-    m, further = (mean_map(scene, impacts=k, closure="branching") for k in (3, 6))
+    m, further = (mean_map(scene, impacts=k, closure="branching") for k in (3, 5))
     time = m.section["tau"].loc[3]
     # the label "on the orbit" ends with the orbit that is asked for, so components merge a little
     # differently

@@ -78,10 +78,11 @@ class Gearbox:
         return np.kron(acting, [0.0, 1.0])
 
     def restitution(self, mesh):
-        """The matrix of an impact at a mesh (1, 2, ...), which acts on states."""
-        i = mesh - 1
+        """The matrix of an impact at a mesh (1, 2, ...; 0 for none), which acts on states."""
         matrix = np.eye(2 * self.gaps.size)
-        matrix[1::2, 2 * i + 1] -= (1.0 + self.epsilon[i]) * self.effect[:, i]
+        if mesh:
+            i = mesh - 1
+            matrix[1::2, 2 * i + 1] -= (1.0 + self.epsilon[i]) * self.effect[:, i]
         return matrix
 
     def saltation(self, mesh, tau, before):
@@ -109,11 +110,11 @@ class Gearbox:
         """The largest difference of an orbit's states before and after its impacts, and how far the
         flights between them are beyond a wall."""
         errors = []
+        for mesh, before, after in zip(orbit.mesh, orbit.before, orbit.after, strict=True):
+            errors.append(abs(self.restitution(mesh) @ before - after).max())
         for k in range(orbit.found):
             run = self.fly(orbit.tau[k], orbit.after[k], orbit.flight[k + 1], dense_output=True)
             errors.append(abs(run.y[:, -1] - orbit.before[k + 1]).max())
-            after = self.restitution(orbit.mesh[k + 1]) @ orbit.before[k + 1]
-            errors.append(abs(after - orbit.after[k + 1]).max())
             times = np.linspace(*orbit.tau[k : k + 2], 60 + int(orbit.flight[k + 1] / 0.02))
             x = run.sol(times)[::2].T
             errors.append(np.maximum(x - self.gaps, -x - self.lows).max())

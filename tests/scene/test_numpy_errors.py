@@ -9,12 +9,14 @@ from scenes import dat21
 
 import rattle
 from rattle import Closure, Record, mean_map, simulate, validate
+from rattle.montecarlo import simulate_rare
 
 SOFT = dat21(0.01)
 ALL_RECORDS = Record(histogram=True, energy=True, on_itinerary=True, times=[0.3, 0.8])
 COMPUTE = {
     "mean_map": lambda scene: mean_map(scene, impacts=3, closure="branching"),
     "simulate": lambda scene: simulate(scene, paths=2000, impacts=3, record=ALL_RECORDS),
+    "simulate_rare": lambda scene: simulate_rare(scene, impacts=3, paths=4096),
     "validate": lambda scene: validate(scene, impacts=3, paths=2000),
 }
 
