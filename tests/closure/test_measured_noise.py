@@ -20,6 +20,7 @@ WEAK_GEARS = Gears(
     torque1=60.0,
 )
 RMS = 0.02
+DRIVE_HZ = WEAK_GEARS.omega / (2.0 * math.pi)  # Hz
 WEAK_SCENE = Scene.from_gears(WEAK_GEARS, stages=1, start=Start(tau=0.3, x1=-0.3, y1=0.1))
 
 
@@ -45,9 +46,6 @@ def ratios(bandwidth):
     sigma = WEAK_GEARS.sigma_from(rms=RMS, bandwidth=bandwidth * DRIVE_HZ)
     row = mean_map(WEAK_SCENE.with_sigma(sigma), impacts=1).section.loc[1]
     return sds / [row.sd_tau, row.sd_y1]
-
-
-DRIVE_HZ = WEAK_GEARS.omega / (2.0 * math.pi)  # Hz
 
 
 @pytest.mark.parametrize(

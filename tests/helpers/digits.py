@@ -19,7 +19,8 @@ real = np.frompyfunc(mp.re, 1, 1)
 
 
 class Wheels:
-    """The numbers of all wheels; `speeds` are their own of a unit rate of each gap, `gaps` back."""
+    """The numbers of all wheels; `speeds` turns rates of gaps into speeds of wheels, `gaps` turns
+    them back."""
 
     def __init__(self, c):
         wheels = c.wheels
@@ -31,8 +32,7 @@ class Wheels:
         # unrounded: between two wheels the driver's push cancels
         self.turn = self.ratio.copy()
         self.speeds = exact(np.diag(wheels["sign"]))
-        one = np.eye(wheels.size)
-        self.gaps = self.speeds @ one
+        self.gaps = self.speeds.copy()
         for i, parent in enumerate(self.parent):
             if parent >= 0:
                 self.turn[i] *= self.turn[parent]
