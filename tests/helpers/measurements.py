@@ -40,7 +40,8 @@ def wander(rng, ratio, tau, power, orders, finer=8, memory=0.0):
     the noise.
     """
     edges = np.append(tau, 2.0 * tau[-1] - tau[-2])
-    fine = np.interp(np.arange(finer * len(tau) + 1) / finer, np.arange(len(edges)), edges)
+    share = np.arange(finer) / finer
+    fine = np.append((edges[:-1, None] + np.diff(edges)[:, None] * share).ravel(), edges[-1])
     step = np.diff(fine)
     kicks = ratio * np.sqrt(step) * rng.normal(size=len(step))
     if memory:
