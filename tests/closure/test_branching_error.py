@@ -41,9 +41,8 @@ def test_a_met_tolerance_stops_the_refinement(quiet):
     assert quiet.trace.work < finest.trace.work
     assert quiet.section["within"].all()
     assert "within the tolerance 0.05" in quiet.advice
-    assert "own bounds of the errors (estimates; at most one row in ten is beyond them)" in repr(
-        quiet
-    )
+    said = "own bounds of the errors (estimates; at most one row in ten is beyond them)"
+    assert said in repr(quiet)
 
 
 def test_an_unmet_tolerance_says_simulate():
@@ -82,10 +81,12 @@ def test_bounds_hold_against_exact_flights():
     def share_beyond(moment, prefix, fault=1.0):
         off = m.errors[moment].copy()
         for impact, quantity in off.index:
-            simulated = run.loc[impact, prefix + quantity]
-            away = abs(fault * m.section.loc[impact, prefix + quantity] - simulated)
-            leeway = 3.0 * run.loc[impact, f"se_{prefix}{quantity}"]
-            off[impact, quantity] = (away - leeway) / run.loc[impact, f"sd_{quantity}"]
+            name = prefix + quantity
+            simulated = run.loc[impact]
+            away = abs(fault * m.section.loc[impact, name] - simulated[name])
+            off[impact, quantity] = (away - 3.0 * simulated[f"se_{name}"]) / simulated[
+                f"sd_{quantity}"
+            ]
         return (off.groupby("impact").max() > m.section[f"error_{moment}"]).mean()
 
     assert share_beyond("mean", "") <= 0.1
@@ -130,8 +131,8 @@ def test_a_flight_that_begins_beyond_its_wall_is_back_at_it_in_time():
         for tolerance in (1.0, None)
     )
     assert fine.trace.work > 10 * coarse.trace.work  # it is split
-    sd = coarse.section["sd_y1"].loc[6]
-    assert fine.section["y1"].loc[6] == pytest.approx(coarse.section["y1"].loc[6], abs=0.02 * sd)
+    expected = coarse.section.loc[6]
+    assert fine.section.loc[6, "y1"] == pytest.approx(expected.y1, abs=0.02 * expected.sd_y1)
 
 
 def test_what_the_advice_says_of_the_bounds_is_measured():

@@ -61,9 +61,10 @@ def test_an_impact_shifts_the_struck_mean_inward_by_phi_0_sd():
     m = mean_map(scene, impacts=4, closure="corrected")
     assert set(orbit.mesh[1:]) == {1, 2}
     for k in range(1, 5):
-        i = 2 * (orbit.mesh[k] - 1)
-        rho = m.section.loc[k, f"rho{orbit.mesh[k]}"]
-        shift = (m.trace.mean[k] - orbit.before[k])[[i, i + 1]]
-        sd = m.trace.sd[k, [2 + i, 3 + i]]
+        mesh = orbit.mesh[k]
+        struck = slice(2 * mesh - 2, 2 * mesh)
+        shift = (m.trace.mean[k] - orbit.before[k])[struck]
+        sd = m.trace.sd[k, 2:][struck]
         assert sd[0] < 0.1  # so that the other wall is at least ten sds away
-        assert shift == pytest.approx(-orbit.side[k] * PHI0 * np.array([1.0, rho]) * sd, rel=1e-9)
+        unit = np.array([1.0, m.section.loc[k, f"rho{mesh}"]]) * sd
+        assert shift == pytest.approx(-orbit.side[k] * PHI0 * unit, rel=1e-9)

@@ -3,7 +3,7 @@ import re
 import numpy as np
 import pytest
 from refusals import refusal
-from scenes import dat21
+from scenes import SECTION, dat21
 
 from rattle import DAT21, Scene, Start, follow, mean_map
 from rattle.closure import CLOSURES
@@ -16,7 +16,7 @@ SECTION_COLUMNS = [
     "mesh",
     "side",
     *STATES,
-    *(f"sd_{q}" for q in ("tau", "flight", *STATES)),
+    *(f"sd_{q}" for q in SECTION),
     "rho1",
     "rho2",
 ]
@@ -38,9 +38,7 @@ BRANCHING = ["agreement", "discarded", "error_mean", "error_sd", "within"]
 
 def test_section_keeps_the_contract(closure):
     section = mean_map(SOME_NOISE, impacts=7, closure=closure).section
-    others = [f"skew_{q}" for q in ("tau", "flight", *STATES)] + BRANCHING * (
-        closure == "branching"
-    )
+    others = [f"skew_{q}" for q in SECTION] + BRANCHING * (closure == "branching")
     assert [c for c in section.columns if c not in others] == [*SECTION_COLUMNS, "realizable"]
     assert set(others) <= set(section.columns)
     assert section.index.name == "impact"
@@ -71,10 +69,8 @@ def test_a_single_stage_has_no_stage_2(closure):
         ({"closure": None}, "closure = None: "),
         ({"order": 1}, "order = 1: must be at least 2"),
         ({"order": 7}, "order = 7: must be at most 6"),
-        ({"order": 4.0}, "order = 4.0: give a whole number"),
         ({"impacts": 0}, "impacts = 0: must be at least 1"),
         ({"impacts": 2.5}, "impacts = 2.5: give a whole number"),
-        ({"impacts": True}, "impacts = True: give a whole number"),
     ],
 )
 def test_a_bad_request_is_refused_in_words(change, words):

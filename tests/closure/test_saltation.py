@@ -12,23 +12,18 @@ from rattle.scene import Restitution, section_names, state_names
 
 TOLERANCES = {
     "path, uniform": Tolerance(1e-3, 1e-3),
-    "path, normal": Tolerance(1e-3, 2e-3, distribution="normal"),
-    "contact, uniform": Tolerance(1e-3, 1e-3, draw="contact"),
     "contact, normal": Tolerance(2e-3, 1e-3, distribution="normal", draw="contact"),
     "fixed": Tolerance(1e-2, 2e-2, distribution="fixed"),
 }
 
 
 PLAIN_SCENES = {
-    "DAT21": dat21(),
     "one stage": dat21(stages=1),
     "noisy wheel 2": replace(tree((0, 1)), noise=2).phase_reduced,
     "driven oscillator": OSCILLATOR,
-    "tree": FOUR,
 }
 REMEMBERING_SCENES = {
     "orders": dat21(drive=ORDERS),
-    "short memory": dat21(correlation_time=0.1),
     "orders and memory": dat21(drive=ORDERS, correlation_time=1.0),
     "long memory": dat21(correlation_time=10.0),
     "a body's own memory": replace(OSCILLATOR, correlation_time=0.5),

@@ -20,6 +20,7 @@ UNITS = {  # of each unit in one of mm, mm/s or mm/s^2
 OMEGA = 300.0
 TIMES = np.arange(8000) * 2.5e-4
 """Of 95 periods, in s."""
+UNITS_OF_POWERS = ("mm", "mm/s", "mm/s^2")
 QUANTITIES = ("displacement", "speed", "acceleration")
 
 
@@ -57,9 +58,9 @@ def wander(rng, ratio, tau, power, orders, finer=8, memory=0.0):
     return path[:-1:finer]
 
 
-def write(at, values, head="time [s],displacement [mm]", digits=12):
+def write(at, values, head="time [s],displacement [mm]"):
     """The text of a file with two columns."""
-    rows = (f"{a:.{digits}g},{v:.{digits}g}\n" for a, v in zip(at, values, strict=True))
+    rows = (f"{a:.12g},{v:.12g}\n" for a, v in zip(at, values, strict=True))
     return head + "\n" + "".join(rows)
 
 
@@ -82,11 +83,11 @@ def measure(
     unit of the file. `extra`: Added to the values, in the unit of the file.
     """
     power = QUANTITIES.index(quantity)
-    unit = unit or ("mm", "mm/s", "mm/s^2")[power]
+    unit = unit or UNITS_OF_POWERS[power]
     rng = np.random.default_rng(seed)
     tau = omega * np.asarray(at)
     values = motion(tau, power, orders)
     if ratio:
-        values = values + wander(rng, ratio, tau, power, orders, memory=memory)
+        values += wander(rng, ratio, tau, power, orders, memory=memory)
     values = values * omega**power * UNITS[unit] + extra + noise * rng.normal(size=len(tau))
     return write(at, values, f"time [s],{quantity} [{unit}]")

@@ -13,70 +13,44 @@ mobility (one over its mass at that mesh) and the parent by -k times the parent'
 paper's two stages are a chain of two wheels, with the sign of the second gap turned.
 """
 
-import math
-from typing import NamedTuple
-
 import numpy as np
 from scipy.integrate import solve_ivp
 
+from rattle import Order
 
-class Wheel(NamedTuple):
-    """A wheel and its mesh with its parent; parent 0 is the driver, which nothing moves."""
-
-    beta: float
-    gamma: float
-    mobility: float
-    gap: float = 0.5
-    parent: int = 0
-    ratio: float = 1.0
-    sign: float = 1.0
-    epsilon: float = 0.9
-    stiffness: float = 0.0
-    low: float = math.nan  # the wall on the other side; by default as far as the first
-    noisy: bool = False  # whether the noise acts on it alone
-
-
-class Sine(NamedTuple):
-    """An order of the drive, ``amplitude sin(order tau + phase)``."""
-
-    order: int = 1
-    amplitude: float = 1.0
-    phase: float = 0.0
-
-
-SINE = (Sine(),)
+SINE = (Order(1),)
+PRECISE = {"method": "DOP853", "rtol": 1e-12, "atol": 1e-14}
 
 
 class Gearbox:
-    """The wheels in gap coordinates: ``y' = drag - damping y + (alpha + sigma eta) m(tau)``.
+    """The wheels of a scene's constants in gap coordinates:
+    ``y' = drag - damping y + (alpha + sigma eta) m(tau)``.
 
     ``effect[:, i]`` is what a push in mesh i does to all rates, in units of what it does to its
     own.  States are ``(x1, y1, x2, y2, ...)``.
     """
 
-    def __init__(self, wheels, alpha, sigma=0.0, drive=SINE):
-        self.alpha = alpha
-        self.epsilon = [wheel.epsilon for wheel in wheels]
-        self.sigma = sigma
+    def __init__(self, c, drive=SINE):
+        wheels = c.wheels
+        self.alpha = c.alpha
+        self.sigma = c.sigma
         self.drive = drive
-        self.gaps = [wheel.gap for wheel in wheels]
-        self.lows = [w.gap if math.isnan(w.low) else w.low for w in wheels]
-        self.springs = np.array([wheel.stiffness for wheel in wheels])
-        kappa = [1.0]
-        to_gaps = np.zeros((len(wheels), len(wheels)))
-        for i, wheel in enumerate(wheels):
-            kappa.append(wheel.ratio * kappa[wheel.parent])
-            to_gaps[i, i] = wheel.sign
-            if wheel.parent:
-                to_gaps[i, wheel.parent - 1] = -wheel.sign * wheel.ratio
-        self.to_gaps = to_gaps
-        beta = np.array([wheel.beta for wheel in wheels])
-        self.damping = to_gaps @ np.diag(beta) @ np.linalg.inv(to_gaps)
-        self.drag = to_gaps @ [wheel.gamma for wheel in wheels]
-        self.own = to_gaps @ [float(wheel.noisy) for wheel in wheels]
-        self.by_second = to_gaps @ kappa[1:]  # m = by_second f'' + by_first f'
-        self.by_first = to_gaps @ (beta * kappa[1:])
-        contact = to_gaps @ np.diag([wheel.mobility for wheel in wheels]) @ to_gaps.T
+        self.epsilon = wheels["epsilon"]
+        self.gaps = wheels["wall"]
+        self.lows = wheels["low"]  # the walls on the other side
+        self.springs = np.diag(wheels["stiffness"])
+        one = np.eye(wheels.size)
+        at_driver = wheels["parent"] < 0
+        ratio = np.where(at_driver, 0.0, wheels["ratio"])
+        self.to_gaps = wheels["sign"][:, None] * (one - ratio[:, None] * one[wheels["parent"]])
+        from_gaps = np.linalg.inv(self.to_gaps)
+        kappa = from_gaps @ (wheels["sign"] * wheels["ratio"] * at_driver)
+        self.damping = self.to_gaps @ np.diag(wheels["beta"]) @ from_gaps
+        self.drag = self.to_gaps @ wheels["gamma"]
+        self.own = self.to_gaps @ (wheels["own"] != 0.0)
+        self.by_second = self.to_gaps @ kappa  # m = by_second f'' + by_first f'
+        self.by_first = self.to_gaps @ (wheels["beta"] * kappa)
+        contact = self.to_gaps @ np.diag(1.0 / wheels["mass"]) @ self.to_gaps.T
         self.effect = contact / np.diag(contact)
 
     def modulation(self, tau):
@@ -89,25 +63,14 @@ class Gearbox:
             second = second - term.amplitude * term.order**2 * np.sin(angle)
         return np.multiply.outer(self.by_second, second) + np.multiply.outer(self.by_first, first)
 
-    def acceleration(self, tau, y, excitation=None):
-        """y' where alpha + sigma eta has a value (alpha without noise); y has the shape of
-        `modulation`."""
-        excitation = self.alpha if excitation is None else excitation
-        return (self.drag - (self.damping @ y).T).T + excitation * self.modulation(tau)
+    def acceleration(self, tau, y):
+        """y' without noise and springs."""
+        return self.drag - self.damping @ y + self.alpha * self.modulation(tau)
 
     def rates(self, tau, state):
         """Right-hand side of Eq. 5 without noise."""
-        out = np.empty(len(state))
-        out[::2] = state[1::2]
         x, y = np.reshape(state, (-1, 2)).T
-        out[1::2] = self.acceleration(tau, y) - self.springs * x
-        return out
-
-    def drift_matrix(self):
-        """A of the linear system s' = A s + ..."""
-        of_rates = np.kron(-self.damping, [[0.0, 0.0], [0.0, 1.0]])
-        of_places = np.kron(np.diag(-self.springs), [[0.0, 0.0], [1.0, 0.0]])
-        return np.kron(np.eye(len(self.gaps)), [[0.0, 1.0], [0.0, 0.0]]) + of_rates + of_places
+        return np.column_stack([y, self.acceleration(tau, y) - self.springs @ x]).ravel()
 
     def noise_direction(self, tau):
         """What a unit of the noise adds to the state."""
@@ -116,64 +79,57 @@ class Gearbox:
 
     def restitution(self, mesh):
         """The matrix of an impact at a mesh (1, 2, ...; 0 for none), which acts on states."""
-        rates = np.eye(len(self.gaps))
+        matrix = np.eye(2 * self.gaps.size)
         if mesh:
-            rates[:, mesh - 1] -= (1.0 + self.epsilon[mesh - 1]) * self.effect[:, mesh - 1]
-        return np.kron(np.eye(len(self.gaps)), [[1.0, 0.0], [0.0, 0.0]]) + np.kron(
-            rates, [[0.0, 0.0], [0.0, 1.0]]
-        )
+            i = mesh - 1
+            matrix[1::2, 2 * i + 1] -= (1.0 + self.epsilon[i]) * self.effect[:, i]
+        return matrix
+
+    def saltation(self, mesh, tau, before):
+        """What an impact makes of the differences of neighbours at one time."""
+        i = 2 * (mesh - 1)
+        jump = self.restitution(mesh)
+        begun, left = (self.rates(tau, state) for state in (before, jump @ before))
+        jump[:, i] += (left - jump @ begun) / begun[i]
+        return jump
 
     def contact_forces(self, tau, state, closed):
         """Pushes that keep the meshes of a mask closed, in units of their effect, and y' with
         them."""
-        free = self.acceleration(tau, np.asarray(state[1::2]))
-        push = np.zeros(len(self.gaps))
-        chosen = np.flatnonzero(closed)
-        push[chosen] = np.linalg.solve(self.effect[np.ix_(chosen, chosen)], -free[chosen])
+        free = self.acceleration(tau, state[1::2])
+        push = np.zeros(free.size)
+        push[closed] = np.linalg.solve(self.effect[np.ix_(closed, closed)], -free[closed])
         return push, free + self.effect @ push
 
-    def fly(self, tau, state, t, **events):
-        """State after a flight of time t without noise, or with ``events`` scipy's solution."""
-        run = solve_ivp(
-            self.rates, (tau, tau + t), state, method="DOP853", rtol=1e-12, atol=1e-14, **events
-        )
-        return run if events else run.y[:, -1]
+    def fly(self, tau, state, t, **settings):
+        """State after a flight of time t without noise, or with ``settings`` scipy's solution."""
+        run = solve_ivp(self.rates, (tau, tau + t), state, **PRECISE, **settings)
+        return run if settings else run.y[:, -1]
 
-    def first_crossing(self, tau, state, horizon, max_step=0.02):
-        """(t, mesh, side, state) of the first outward crossing, or None; blind to excursions
-        shorter than a step."""
-        flanks = {1: self.gaps, -1: self.lows}
-        walls = [
-            (i, side)
-            for i in range(len(self.gaps))
-            for side, distance in flanks.items()
-            if distance[i] < math.inf
-        ]
-        events = []
-        for i, side in walls:
-
-            def beyond(time, s, i=i, side=side):
-                return side * s[2 * i] - flanks[side][i]
-
-            beyond.terminal = True
-            beyond.direction = 1.0
-            events.append(beyond)
-        run = self.fly(tau, state, horizon, events=events, max_step=max_step)
-        for (i, side), times, states in zip(walls, run.t_events, run.y_events, strict=True):
-            if times.size:
-                return times[0] - tau, 1 + i, side, states[0]
-        return None
+    def largest_error(self, orbit):
+        """The largest difference of an orbit's states before and after its impacts, and how far the
+        flights between them are beyond a wall."""
+        errors = []
+        for mesh, before, after in zip(orbit.mesh, orbit.before, orbit.after, strict=True):
+            errors.append(abs(self.restitution(mesh) @ before - after).max())
+        for k in range(orbit.found):
+            run = self.fly(orbit.tau[k], orbit.after[k], orbit.flight[k + 1], dense_output=True)
+            errors.append(abs(run.y[:, -1] - orbit.before[k + 1]).max())
+            times = np.linspace(*orbit.tau[k : k + 2], 60 + int(orbit.flight[k + 1] / 0.02))
+            x = run.sol(times)[::2].T
+            errors.append(np.maximum(x - self.gaps, -x - self.lows).max())
+        return max(errors)
 
     def covariance(self, tau, cov, t, memory=0.0):
         """Covariance after a flight, ``P' = A P + P A' + sigma^2 m m'``; noise with a memory is
         stationary at its start and one more variable of the system."""
         size = len(cov)
-        whole = size + 1 if memory else size
-        drift = np.zeros((whole, whole))
-        drift[:size, :size] = self.drift_matrix()
-        start = np.zeros((whole, whole))
+        whole = size + bool(memory)
+        drift, start, diffusion = np.zeros((3, whole, whole))
+        drift[:size:2, 1:size:2] = np.eye(self.gaps.size)
+        drift[1:size:2, :size:2] = -self.springs
+        drift[1:size:2, 1:size:2] = -self.damping
         start[:size, :size] = cov
-        diffusion = np.zeros((whole, whole))
         if memory:
             drift[size, size] = -1.0 / memory
             diffusion[size, size] = 1.0 / memory**2
@@ -189,30 +145,12 @@ class Gearbox:
             return (spread + spread.T + diffusion).ravel()
 
         scale = max(self.sigma**2, float(np.abs(cov).max()), 1e-300)
-        tolerances = {"method": "DOP853", "rtol": 1e-12, "atol": 1e-14 * scale}
+        tolerances = PRECISE | {"atol": 1e-14 * scale}
         run = solve_ivp(growth, (tau, tau + t), start.ravel(), **tolerances)
         return run.y[:, -1].reshape(whole, whole)[:size, :size]
 
 
-def gearbox(c, drive=SINE):
-    """The gearbox of a scene's constants."""
-    wheels = [
-        Wheel(
-            w.beta,
-            w.gamma,
-            1.0 / w.mass,
-            w.wall,
-            w.parent + 1,
-            w.ratio,
-            w.sign,
-            w.epsilon,
-            w.stiffness,
-            w.low,
-            bool(w.own),
-        )
-        for w in c.wheels
-    ]
-    return Gearbox(wheels, c.alpha, c.sigma, drive)
+gearbox = Gearbox
 
 
 def follow_covariance(scene, orbit, bends=True):
@@ -230,10 +168,7 @@ def follow_covariance(scene, orbit, bends=True):
         middles.append(spread)
         spread = box.covariance(begin + half, spread, half)
         ends.append(spread)
-        jump = box.restitution(orbit.mesh[k])
-        if bends:
-            i = 2 * orbit.mesh[k] - 2
-            before, after = (box.rates(end, of[k]) for of in (orbit.before, orbit.after))
-            jump[:, i] += (after - jump @ before) / before[i]
+        mesh = orbit.mesh[k]
+        jump = box.saltation(mesh, end, orbit.before[k]) if bends else box.restitution(mesh)
         spread = jump @ spread @ jump.T
     return np.array(middles), np.array(ends)

@@ -46,28 +46,14 @@ def gear_sets(seed=SEED, sets=12):
     rng = np.random.default_rng(seed)
     found = []
     for i in range(sets):
-        alpha = rng.uniform(0.5, 3.0)
-        gap2 = rng.uniform(0.25, 1.0)
-        rates = {f"beta{k}": 10.0 ** rng.uniform(-1.5, -0.5) for k in (1, 2)}
-        drags = {f"gamma{k}": 10.0 ** rng.uniform(-2.0, -0.7) for k in (1, 2)}
-        epsilon = rng.uniform(0.3, 0.95)
-        mu = rng.uniform(0.3, 0.8)
-        speed1, speed2 = rng.uniform(0.5, 1.5, 2) * alpha
-        start = Start(
-            rng.uniform(0.0, 2.0 * np.pi), 0.5, speed1, rng.uniform(-0.8, 0.8) * gap2, speed2, 1
-        )
-        found.append(
-            Scene(
-                alpha=alpha,
-                epsilon=epsilon,
-                mu=mu,
-                gap2=gap2,
-                start=start,
-                stages=1 + i % 2,
-                **rates,
-                **drags,
-            )
-        )
+        given = {"alpha": rng.uniform(0.5, 3.0), "gap2": rng.uniform(0.25, 1.0)}
+        given |= {f"beta{k}": 10.0 ** rng.uniform(-1.5, -0.5) for k in (1, 2)}
+        given |= {f"gamma{k}": 10.0 ** rng.uniform(-2.0, -0.7) for k in (1, 2)}
+        given |= {"epsilon": rng.uniform(0.3, 0.95), "mu": rng.uniform(0.3, 0.8)}
+        speed1, speed2 = rng.uniform(0.5, 1.5, 2) * given["alpha"]
+        tau = rng.uniform(0.0, 2.0 * np.pi)
+        start = Start(tau, 0.5, speed1, rng.uniform(-0.8, 0.8) * given["gap2"], speed2, 1)
+        found.append(Scene(start=start, stages=1 + i % 2, **given))
     return found
 
 

@@ -15,5 +15,6 @@ def refusal(pattern=None, field=None):
 
 
 def refusal_in_words(*words, field=None):
-    """The same with words as they stand, in their order."""
-    return refusal("(?s)" + ".*".join(map(re.escape, words)), field)
+    """The same with words as they stand, in their order; anything may stand between them, and for a
+    ``…`` in them."""
+    return refusal("(?s)" + ".*".join(map(re.escape, "…".join(words).split("…"))), field)

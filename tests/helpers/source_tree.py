@@ -75,26 +75,21 @@ def rooms(graph, package):
 
 def rows():
     """For each package and for all: modules, lines, lines of code, lines of docstrings."""
-    counts = []
+    everything = []
     for package in PACKAGES:
-        texts = [path.read_text() for path in sorted((ROOT / package).rglob("*.py"))]
-        documented = [docstring_lines(ast.parse(text)) for text in texts]
-        code = sum(
-            number not in lines and bool(line.strip()) and not line.strip().startswith("#")
-            for text, lines in zip(texts, documented, strict=True)
-            for number, line in enumerate(text.splitlines(), 1)
-        )
-        counts.append(
-            (
-                len(texts),
-                sum(len(text.splitlines()) for text in texts),
-                code,
-                sum(map(len, documented)),
+        found = []
+        for path in (ROOT / package).rglob("*.py"):
+            text = path.read_text()
+            documented = docstring_lines(ast.parse(text))
+            lines = [line.strip() for line in text.splitlines()]
+            code = sum(
+                number not in documented and line != "" and not line.startswith("#")
+                for number, line in enumerate(lines, 1)
             )
-        )
-    for package, found in zip(PACKAGES, counts, strict=True):
-        yield package, *found
-    yield "all", *(sum(column) for column in zip(*counts, strict=True))
+            found.append((1, len(lines), code, len(documented)))
+        yield package, *map(sum, zip(*found, strict=True))
+        everything += found
+    yield "all", *map(sum, zip(*everything, strict=True))
 
 
 def main():

@@ -34,11 +34,9 @@ def test_the_rest_stays_as_it_was_typed(name, value, alpha):
     assert kept.items() <= IN_RAD_SCENE.gears.values.items()
     for field in MEMORY_FIELDS:
         assert getattr(changed, field) == getattr(IN_RAD_SCENE, field)
-    mm = [
-        (s.gears.backlash1 * s.tolerance.c1_max, s.start.x2 / s.gap2)
-        for s in (IN_RAD_SCENE, changed)
-    ]
-    assert mm[1] == pytest.approx(mm[0], rel=1e-15)
+    tolerance = changed.gears.backlash1 * changed.tolerance.c1_max
+    assert tolerance == pytest.approx(IN_RAD_SCENE.gears.backlash1 * 0.02, rel=1e-15)
+    assert changed.start.x2 == pytest.approx(changed.gap2, rel=1e-15)
 
 
 def test_a_start_on_a_flank_stays_on_it_and_any_other_where_it_is():

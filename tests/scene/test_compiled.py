@@ -141,11 +141,7 @@ def test_a_long_run_takes_the_kernel_that_simulate_compiles(monkeypatch):
 
 
 def test_memory_for_vectors_begins_at_a_line_of_the_cache():
-    shapes = [(), (3,), (5, 8), (2, 0, 4), (3, 1, 4, 1280)]
-    held = [vector_memory(shape, 0.5) for shape in shapes for _ in range(20)]
-    starts = {array.ctypes.data % 64 for array in held}
-    assert starts == {0}
-    assert all((array == 0.5).all() and array.flags.c_contiguous for array in held)
-    assert [array.shape for array in held[::20]] == shapes
-    # negative control: one number later is beside it
-    assert vector_memory((9,))[1:].ctypes.data % 64 == 8
+    for shape in [(), (3,), (5, 8), (2, 0, 4), (3, 1, 4, 1280)]:
+        held = [vector_memory(shape, 0.5) for _ in range(20)]
+        assert {array.ctypes.data % 64 for array in held} == {0}
+        np.testing.assert_array_equal(held[0], np.full(shape, 0.5), strict=True)

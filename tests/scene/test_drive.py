@@ -8,10 +8,9 @@ from oracle import gearbox
 from refusals import refusal
 from scenes import ORDERS, THREE, dat21
 
-from rattle import Order, Scene, Start, follow
+from rattle import Order, Scene, follow
 from rattle.closure import refusals
 
-FLYING = (0.1, -1.3, 0.2, 0.7)
 # the second is too far from the first for a recurrence
 SPARSE = (
     Order(3, 0.3, 0.1),
@@ -20,14 +19,12 @@ SPARSE = (
 
 
 @pytest.mark.parametrize("orders", [ORDERS, SPARSE])
-@pytest.mark.parametrize("t", [1e-3, 9.0])
-def test_a_noise_free_flight_is_that_of_an_ode_solver(orders, t):
-    scene = replace(THREE, gap1=1e3, gap2=1e3, start=Start(0.4, *FLYING), drive=orders)
-    exact = gearbox(scene.constants, orders).fly(0.4, FLYING, t)
-    assert follow(scene, 1).state(0.4 + t) == pytest.approx(exact, rel=1e-12, abs=1e-12)
-    shifted = (Order(orders[0].order, orders[0].amplitude, orders[0].phase + 1e-3), *orders[1:])
-    wrong = follow(replace(scene, drive=shifted), 1).state(0.4 + t)  # negative control
-    assert wrong != pytest.approx(exact, rel=1e-12, abs=1e-12)
+def test_noise_free_flights_are_those_of_an_ode_solver(orders):
+    scene = dat21(drive=orders)
+    orbit = follow(scene, 12)
+    shifted = (replace(orders[0], phase=orders[0].phase + 1e-3), *orders[1:])
+    box, wrong = (gearbox(scene.constants, drive) for drive in (orders, shifted))
+    assert box.largest_error(orbit) < 1e-11 < wrong.largest_error(orbit)
 
 
 def test_one_order_that_is_the_sine_is_the_default():
@@ -71,7 +68,6 @@ ONE_TEXT = "[scene]\nalpha = 1.0\nepsilon = 0.5\nbeta1 = 0.1\ngamma1 = 0.1\nstag
     ("text", "message"),
     [
         ("[[drive]]\norder = 0\namplitude = 1.0", "drive.order = 0: must be at least 1"),
-        ("[[drive]]\norder = -2\namplitude = 1.0", "drive.order = -2: must be at least 1"),
         ("[[drive]]\norder = 1.5\namplitude = 1.0", "drive.order = 1.5: give a whole number"),
         ("[[drive]]\norder = 1001\namplitude = 1.0", "drive.order = 1001: must be at most 1000"),
         ("[[drive]]\namplitude = 1.0", "drive.order = None: is missing"),
@@ -82,10 +78,6 @@ ONE_TEXT = "[scene]\nalpha = 1.0\nepsilon = 0.5\nbeta1 = 0.1\ngamma1 = 0.1\nstag
         ),
         ("[[drive]]\norder = 2\namplitude_mm = 1.0", r"needs \[gears\]"),
         ("[[drive]]\norder = 2\namplitude = nan", "drive.amplitude = nan: give a finite number"),
-        (
-            "[[drive]]\norder = 2\namplitude = 0.1\nphase = inf",
-            "drive.phase = inf: give a finite number",
-        ),
         ("[[drive]]\norder = 2\namplitude = 0.1\nfase = 1.0", "did you mean 'phase'"),
         ("[[drive]]\norder = 2\namplitude = 0.0", "has no order with an amplitude"),
         ("[drive]\norder = 2\namplitude = 1.0", r"write each order as a table: \[\[drive\]\]"),

@@ -1,5 +1,5 @@
 """Formulas at extreme values compared with 400 digits: flights, their derivatives and noise, window
-means, steps, impacts; each comparison sees an error of ten times its tolerance, and formulas whose
+means, steps; each comparison sees an error of ten times its tolerance, and formulas whose
 terms cancel.
 
 Each function yields what is found, the truth, and the unit in which errors are counted."""
@@ -14,10 +14,9 @@ import pytest
 from digits import in_digits
 
 from rattle import Scene, Start, Wheel
-from rattle.closure import edgeworth
-from rattle.closure import saltation as linear
+from rattle.closure import edgeworth, saltation
 from rattle.montecarlo.schemes import short_flight as short
-from rattle.scene import damping, drive, flight, moments, tangent
+from rattle.scene import damping, drive, flight, moments
 
 ROUNDING = 4e-15  # a few roundings of a double
 
@@ -30,7 +29,6 @@ def spread(low, high, points, *more):
 BETAS = spread(1e-14, 1e3, 7, 0.0)
 FLIGHT_TIMES = spread(1e-12, 1e6, 10)
 SERIES_ORDER = 6  # of the Edgeworth series
-EPSILONS = (0.0, 1e-12, 0.1, math.exp(-math.pi / math.sqrt(3.0)), 0.9, 1.0 - 2.0**-53, 1.0)
 
 
 def constants(betas=(0.08, 0.13), gammas=(0.06, 0.03), parents=(0, 1), ratios=(1.0, 1.0), **fields):
@@ -54,21 +52,21 @@ def flights(seed, points=120):
     but for the last digits.  Every third is a tree."""
     rng = np.random.default_rng(seed)
     for number in range(points):
-        beta = float(rng.choice(BETAS))
-        other = float(rng.choice(BETAS))
-        near = beta * (1.0 + 2.0 ** -float(rng.integers(1, 53)))
+        beta = rng.choice(BETAS)
+        other = rng.choice(BETAS)
+        near = beta * (1.0 + 0.5 ** rng.integers(1, 53))
         betas = [beta, (other, beta, near)[rng.integers(3)]]
         if rng.random() >= 0.5:
             betas.reverse()
-        alpha = float(rng.choice(spread(1e-8, 1e4, 4, 0.0)))
-        gammas = [float(v) for v in rng.choice(spread(1e-8, 1e6, 4, 0.0), 2)]
-        tau = float(rng.choice([0.0, math.pi, 0.5 * math.pi, rng.uniform(-3.0, 3.0)]))
+        alpha = rng.choice(spread(1e-8, 1e4, 4, 0.0))
+        gammas = [*rng.choice(spread(1e-8, 1e6, 4, 0.0), 2)]
+        tau = rng.choice([0.0, math.pi, 0.5 * math.pi, rng.uniform(-3.0, 3.0)])
         tree = {}
         if number % 3 == 2:
             betas.append(other)
             gammas.append(0.5)
             tree = TREE_SHAPE
-        yield constants(betas, gammas, alpha=alpha, **tree), tau, float(rng.choice(FLIGHT_TIMES))
+        yield constants(betas, gammas, alpha=alpha, **tree), tau, rng.choice(FLIGHT_TIMES)
 
 
 def phi_functions():
@@ -90,14 +88,14 @@ def flight_state():
 def flight_jacobian():
     """Every entry, with its own relative error."""
     for c, _, t in flights(2):
-        exact = np.array(digits.jacobian(c, t))
+        exact = digits.jacobian(c, t)
         size = np.abs(exact) * (1.0 + c.wheels["beta"].max() * t)
         yield flight.jacobian(c, t), exact, size
 
 
 def flight_noise():
     for c, tau, t in flights(3):
-        unit = np.array(digits.noise(c, tau, t))
+        unit = digits.noise(c, tau, t)
         for sigma in (1e-8, 1e4):
             exact = sigma * sigma * unit
             sd = np.sqrt(exact.diagonal())
@@ -109,33 +107,18 @@ def noise_phase_derivative():
     h = 1e-3
     for c, tau, t in flights(4, 40):
         ahead, behind, quarter = (
-            np.array(digits.noise(c, tau + change, t)) for change in (h, -h, 0.5 * math.pi)
+            digits.noise(c, tau + change, t) for change in (h, -h, 0.5 * math.pi)
         )
         # exact derivative of A + B cos 2 tau + C sin 2 tau
         exact = (ahead - behind) / math.sin(2.0 * h)
         sd = np.sqrt(np.maximum(ahead.diagonal(), quarter.diagonal()))
-        yield linear.noise_slope(c, tau, t), exact, np.outer(sd, sd)
-
-
-def saltation():
-    rng = np.random.default_rng(5)
-    for epsilon, speed, mesh in product(EPSILONS, spread(1e-9, 1e4, 8), (1, 2)):
-        *betas, alpha = (float(v) for v in rng.choice(spread(1e-6, 1e3, 4, 0.0), 3))
-        gammas = (float(rng.choice([0.0, 1e4])), 0.03)
-        c = constants(betas, gammas, epsilon=epsilon, alpha=alpha)
-        other = float(rng.normal())
-        tau = float(rng.uniform(-3.0, 3.0))
-        before = np.array([0.0, speed, 0.0, other] if mesh == 1 else [0.0, other, 0.0, -speed])
-        found = tangent.saltation_matrix(c, mesh, tau, before)
-        yield found, *digits.saltation(c, mesh, tau, before)
+        yield saltation.noise_slope(c, tau, t), exact, np.outer(sd, sd)
 
 
 def series(seed):
     """Random coefficients of an Edgeworth series."""
-    a = np.zeros((SERIES_ORDER + 1, SERIES_ORDER + 1))
-    rng = np.random.default_rng(seed)
-    for i in range(SERIES_ORDER + 1):
-        a[i, : SERIES_ORDER + 1 - i] = rng.normal(size=SERIES_ORDER + 1 - i) * 0.3 ** (i + 1)
+    i, j = np.indices((SERIES_ORDER + 1, SERIES_ORDER + 1))
+    a = np.random.default_rng(seed).normal(size=i.shape) * 0.3 ** (i + 1) * (i + j <= SERIES_ORDER)
     a[0, 0] = 1.0
     return a
 
@@ -143,21 +126,19 @@ def series(seed):
 @in_digits
 def exact_window_means(a, low, high):
     """Means of position and velocity over a window in sds, and the sums of their terms' sizes."""
-    integral, size = digits.window_integrals(low, high, SERIES_ORDER + 1)
-    values = []
-    sizes = []
-    for column, power in ((0, 1), (1, 0)):  # of the position, and of the velocity
-        weights = a[:, column, None] * edgeworth.HERMITE[: SERIES_ORDER + 1, : SERIES_ORDER + 1]
-        terms = [(n + power, w) for (_, n), w in np.ndenumerate(weights)]
-        values.append(float(sum(w * integral[n] for n, w in terms)))
-        sizes.append(float(sum(abs(w) * size[n] for n, w in terms)))
-    return np.array(values), np.array(sizes)
+    hermite = edgeworth.HERMITE[: SERIES_ORDER + 1, : SERIES_ORDER + 1]
+    integrals = np.array(digits.window_integrals(low, high, SERIES_ORDER + 1))
+    position = a[:, :1] * hermite * integrals[:, None, 1:]
+    velocity = a[:, 1:2] * hermite * integrals[:, None, :-1]
+    values, _ = np.sum([position, velocity], axis=(2, 3)).T
+    _, sizes = np.sum(np.abs([position, velocity]), axis=(2, 3)).T
+    return values.astype(float), sizes.astype(float)
 
 
 def edgeworth_windows():
     """Window means of Eqs. 20 and 21."""
-    for n, middle in enumerate([0.0, 1e-9, 0.3, -2.0, 8.0, -20.0, 35.0]):
-        for width in spread(1e-12, 30.0, 8):
+    for n, middle in enumerate([0.0, 1e-9, -2.0, 8.0, 35.0]):
+        for width in spread(1e-12, 30.0, 6):
             a = series(n)
             sd = 10.0 ** (n - 3)
             low = (middle - 0.5 * width) * sd
@@ -238,7 +219,6 @@ ALLOWED = {
     flight_jacobian: ROUNDING,
     flight_noise: 1e-13,
     noise_phase_derivative: 1e-11,
-    saltation: ROUNDING,
     edgeworth_windows: ROUNDING,
     correlations: ROUNDING,
     step_phase: ROUNDING,

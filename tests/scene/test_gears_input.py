@@ -1,7 +1,6 @@
 """Gears as an engineer writes them: the drive as an amplitude, tolerances of a drawing, and what
 cannot be right."""
 
-import math
 import re
 from dataclasses import replace
 
@@ -22,16 +21,6 @@ def written(tmp_path, text):
 
 
 @pytest.mark.parametrize(
-    "drive", ["alpha = 1.5", "amplitude = 0.3", "amplitude_rad = 0.01\ndriver_radius = 30.0"]
-)
-def test_the_drive_is_given_as_alpha_or_as_an_amplitude(tmp_path, drive):
-    scene = Scene.load(written(tmp_path, DAT21_TEXT + drive))
-    assert scene.alpha == pytest.approx(1.5, rel=1e-15)
-    assert scene.gears.amplitude == pytest.approx(0.3, rel=1e-15)
-    assert Scene.from_toml(scene.to_toml()) == scene
-
-
-@pytest.mark.parametrize(
     ("drive", "words"),
     [
         ("alpha = 1.5\namplitude = 0.3", "gears = ['alpha', 'amplitude']: give the drive once"),
@@ -39,7 +28,6 @@ def test_the_drive_is_given_as_alpha_or_as_an_amplitude(tmp_path, drive):
         ("amplitude_rad = 0.01", "gears.driver_radius = None: goes with amplitude_rad"),
         ("alpha = 1.0\ndriver_radius = 3.0", "gears.driver_radius = 3.0: goes with amplitude_rad"),
         ("amplitude = -0.3", "gears.amplitude = -0.3: must be 0 or greater"),
-        ("amplitude = 'big'", "gears.amplitude = 'big': give a number"),
         (
             "alpha = 1.5\nspeed_rpm = 800",
             "gears.driver_radius = None: give the driver's base radius in mm",
@@ -52,7 +40,6 @@ def test_the_drive_is_given_as_alpha_or_as_an_amplitude(tmp_path, drive):
             "alpha = 1.5\ndriver_radius = 30.0\nspeed_rpm = -8",
             "gears.speed_rpm = -8: must be 0 or greater",
         ),
-        ("alpha = 1.5\nspeed = 800", "did you mean 'speed_rpm'?"),
         (
             "alpha = 1.5\ntorque1_over_rpm = [[600, 5], [900, 6]]",
             "gears.speed_rpm = None: give it, and driver_radius: torque1_over_rpm is read at",
@@ -119,10 +106,7 @@ def test_the_tolerance_of_a_drawing_is_that_of_the_full_backlash():
     assert Scene.from_toml(scene.to_toml()) == scene
 
 
-FIRST_WHEEL_TEXT = (
-    "".join(line for line in DAT21_TEXT.splitlines(keepends=True) if "2 =" not in line)
-    + "alpha = 1.5\n"
-)
+FIRST_WHEEL_TEXT = re.sub(".*2 = .*\n", "", DAT21_TEXT) + "alpha = 1.5\n"
 
 
 def test_a_single_stage_needs_no_second_wheel_and_invents_none():
@@ -138,30 +122,23 @@ def test_a_single_stage_needs_no_second_wheel_and_invents_none():
         )
 
 
-@pytest.mark.parametrize("given", ["speed_rad_s = 80.0", f"speed_rpm = {2400.0 / math.pi!r}"])
-def test_the_mean_speed_adds_what_damping_takes_to_the_drag(given):
+def test_the_mean_speed_adds_what_damping_takes_to_the_drag():
     """d Omega_i of each wheel at its own speed: R_i Omega_i is the same on all pitch circles."""
-    gears = Scene.from_toml(f"{DAT21_TEXT}amplitude = 0.3\ndriver_radius = 30.0\n{given}").gears
+    moving = "amplitude = 0.3\ndriver_radius = 30.0\nspeed_rad_s = 80.0"
+    gears = Scene.from_toml(DAT21_TEXT + moving).gears
     rim = 80.0 * 30.0
     assert gears.torque1 == pytest.approx(100.0 + 100.0 * rim / DAT21.radius1, rel=1e-14)
     assert gears.torque2 == pytest.approx(50.0 + 100.0 * rim / DAT21.radius2, rel=1e-14)
     assert gears.damping1 == DAT21.damping1
-    single = Scene.from_toml(
-        f"{FIRST_WHEEL_TEXT}driver_radius = 30.0\n{given}\n[scene]\nstages = 1"
-    )
-    assert single.gears.torque1 == gears.torque1
-    assert Scene.from_toml(single.to_toml()).gears == single.gears  # added once
 
 
 def test_what_acts_on_no_wheel_is_left_out_and_what_is_missing_is_named():
-    lines = [
-        line for line in DAT21_TEXT.splitlines() if not re.match(r"backlash2|damping|torque", line)
-    ]
-    lines.append("alpha = 1.5")
+    text = re.sub(r"(backlash2|damping|torque).*\n", "", DAT21_TEXT)
+    lines = [*text.splitlines(), "alpha = 1.5"]
     scene = Scene.from_toml("\n".join(lines))
     plain = replace(DAT21, damping1=0.0, damping2=0.0, torque1=0.0, torque2=0.0)
     assert scene.tree == Scene.from_gears(plain).tree
-    assert Scene.from_toml(scene.to_toml()).gears == plain
+    assert scene.gears == plain
     for line in lines[1:]:
         name = line.split()[0]
         with refusal(rf"gears = \['{name}'\]: these keys are missing"):
@@ -170,9 +147,8 @@ def test_what_acts_on_no_wheel_is_left_out_and_what_is_missing_is_named():
 
 def load_changed(tmp_path, changes):
     """DAT21 with these values, from a file."""
-    values = DAT21.values | changes
-    lines = [f"{name} = {value!r}" for name, value in values.items()]
-    return Scene.load(written(tmp_path, "\n".join(["[gears]", *lines])))
+    lines = [f"{name} = {value!r}\n" for name, value in (DAT21.values | changes).items()]
+    return Scene.load(written(tmp_path, "[gears]\n" + "".join(lines)))
 
 
 @pytest.mark.parametrize(
@@ -222,13 +198,11 @@ def test_gears_of_watches_and_of_ships_are_not(tmp_path, changes):
 
 
 def test_only_what_was_written_in_a_file_is_questioned(tmp_path):
-    text = DAT21_TEXT.replace("inertia1 = 4000.0", "inertia1 = 0.004").replace(
-        "damping1 = 100.0", "damping1 = 0.0"
-    )
-    assert Scene.from_toml(text + "alpha = 1.5").beta1 == 0.0
-    said = "mine.toml, line 4: gears.inertia1 = 0.004: is too little"
-    with refusal_in_words(said, field="gears.inertia1"):
-        Scene.load(written(tmp_path, text + "alpha = 1.5"))
+    text = DAT21_TEXT.replace("inertia1 = 4000.0", "inertia1 = 0.004") + "alpha = 1.5"
+    text = text.replace("damping1 = 100.0", "damping1 = 0.0")
+    assert Scene.from_toml(text).beta1 == 0.0
+    with refusal_in_words("mine.toml, line 4: gears.inertia1 = 0.004: is too little"):
+        Scene.load(written(tmp_path, text))
 
 
 @pytest.mark.parametrize(
@@ -286,11 +260,7 @@ def test_an_unknown_keyword_suggests_the_nearest(make, words):
         ("alpha;epsilon\n1,5;0,9\n", "this looks like a table (CSV)"),
         (
             DAT21_TEXT + "amplitude_rad = 2.8\ndriver_radius = 30.0",
-            "line 14: gears.amplitude_rad = 2.8: swings",
-        ),
-        (
-            DAT21_TEXT + "amplitude_rad = 2.8\ndriver_radius = 30.0",
-            "if 2.8 is in degrees, write 0.0488692",
+            "line 14: gears.amplitude_rad = 2.8: swings…if 2.8 is in degrees, write 0.0488692",
         ),
     ],
 )

@@ -7,10 +7,11 @@ import re
 import numpy as np
 import pytest
 from commands import rattle
-from measurements import OMEGA, QUANTITIES, RADIUS, TIMES, measure, wander, write
+from measurements import OMEGA, QUANTITIES, RADIUS, TIMES, UNITS_OF_POWERS, measure, wander, write
 from measurements import motion as moved
 from places import EXAMPLES
 from refusals import refusal
+from scipy.integrate import cumulative_trapezoid
 
 from rattle import Scene, measure_drive
 
@@ -28,14 +29,15 @@ radius2 = 30.0
 backlash1 = 0.12
 torque1 = 6.0
 """
+FROM_FILE = '[drive]\nfile = "speed.csv"\n' + MEASURED_GEARS
 DEGREES = {"displacement": "deg", "speed": "rpm", "acceleration": "rad/s^2"}
 
 
 def noisy(seed, ratio, periods=60, memory=0.0):
     """The speed of a drive whose modulation is white noise, or one with a memory."""
     times = 2.0 * math.pi / SLOW_OMEGA / 32.0 * np.arange(32 * periods)
-    settings = {"quantity": "speed", "ratio": ratio, "seed": seed, "memory": memory}
-    return measure(SLOW_OMEGA, MEASURED_ORDERS, times, **settings)
+    settings = {"ratio": ratio, "seed": seed, "memory": memory}
+    return measure(SLOW_OMEGA, MEASURED_ORDERS, times, quantity="speed", **settings)
 
 
 @pytest.mark.parametrize("quantity", QUANTITIES)
@@ -65,28 +67,25 @@ def test_noise_that_remembers_is_said():
 def test_a_scene_file_takes_drive_and_noise_from_the_file_beside_it(tmp_path):
     (tmp_path / "speed.csv").write_text(noisy(3, 0.05))
     path = tmp_path / "gears.toml"
-    path.write_text('[drive]\nfile = "speed.csv"\n' + MEASURED_GEARS)
+    path.write_text(FROM_FILE)
     scene = Scene.load(path)
     found = measure_drive(tmp_path / "speed.csv", omega=SLOW_OMEGA)
     assert scene.drive == found.drive
     assert scene.alpha == pytest.approx(found.amplitude / 0.12)
     assert scene.sigma == pytest.approx(found.sigma_ratio * scene.alpha)
     assert Scene.from_toml(scene.to_toml()) == scene  # without the measurement
-    path.write_text('[drive]\nfile = "speed.csv"\n' + MEASURED_GEARS + "[scene]\nsigma = 0.5\n")
+    path.write_text(FROM_FILE + "[scene]\nsigma = 0.5\n")
     assert Scene.load(path).sigma == 0.5
 
 
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("[drive]\nfile = 'no.csv'" + MEASURED_GEARS, "cannot be read"),
-        ("[drive]\nfil = 'speed.csv'" + MEASURED_GEARS, "did you mean 'file'"),
+        (FROM_FILE.replace("speed", "no"), "cannot be read"),
+        (FROM_FILE.replace("file", "fil"), "did you mean 'file'"),
         ("[drive]\nperiods = 3" + MEASURED_GEARS, "drive.file = None: is missing"),
         ("[drive]\nfile = 'speed.csv'\n[scene]\nalpha = 1.5", r"needs \[gears\]"),
-        (
-            "[drive]\nfile = 'speed.csv'" + MEASURED_GEARS + "amplitude = 0.3",
-            "leave it out: the file of the drive",
-        ),
+        (FROM_FILE + "amplitude = 0.3", "leave it out: the file of the drive"),
     ],
 )
 def test_bad_scene_files_are_refused(text, message, tmp_path):
@@ -97,13 +96,10 @@ def test_bad_scene_files_are_refused(text, message, tmp_path):
 
 
 def test_the_command_writes_its_page_and_refuses_a_scene_without_a_measurement(tmp_path):
-    assert (
-        "order 3"
-        in rattle("drive", EXAMPLES / "measured-drive.toml", "--out", tmp_path / "out").output
-    )
-    assert {"drive.html", "drive.svg", "orders.csv"} <= {
-        path.name for path in (tmp_path / "out").iterdir()
-    }
+    done = rattle("drive", EXAMPLES / "measured-drive.toml", "--out", tmp_path / "out")
+    assert "order 3" in done.output
+    for name in ("drive.html", "drive.svg", "orders.csv"):
+        assert (tmp_path / "out" / name).exists()
     assert "has no measured drive" in rattle("drive", EXAMPLES / "gearbox.toml", code=2).output
 
 
@@ -112,9 +108,8 @@ def test_the_example_is_found_again():
     the file."""
     found = measure_drive(EXAMPLES / "driver-speed.csv", omega=167.0, driver_radius=32.0)
     assert [one.order for one in found.drive] == [1, 2, 3]
-    for k, amplitude in enumerate((0.014, 0.0025, 0.0006)):
-        off = found.table["amplitude_mm"][k] - amplitude * 32.0
-        assert abs(off) < 4.0 * found.table["se_mm"][k]
+    off = found.table["amplitude_mm"][:3] - 32.0 * np.array([0.014, 0.0025, 0.0006])
+    assert (abs(off) / found.table["se_mm"][:3] < 4.0).all()
     assert found.low < 0.05 < found.high
     assert "95 % interval" in found.answer[1]
 
@@ -122,8 +117,12 @@ def test_the_example_is_found_again():
 ONE_SINE = ((1, 0.3, 0.2),)
 TWO_SINES = ((1, 1.0, -1.0), (4, 0.12, 0.5))
 SIGMA_ERROR = 1.0 / math.sqrt(2.0 * 95.0)  # relative standard error of sigma from 95 periods
-UNITS_OF_POWERS = ("mm", "mm/s", "mm/s^2")
 SWING = tuple(0.3 * OMEGA**power for power in range(3))  # of the sine in each unit
+
+
+def find(times=TIMES, orders=ONE_SINE, **settings):
+    """What is found in a made measurement."""
+    return measure_drive(measure(OMEGA, orders, times, **settings), omega=OMEGA)
 
 
 def assert_exact(found, amplitude=0.3, order=1):
@@ -136,28 +135,11 @@ def assert_exact(found, amplitude=0.3, order=1):
 
 
 @pytest.mark.parametrize(
-    ("quantity", "extra"),
-    [
-        ("displacement", 5.0 * TIMES**2 - 3.0),
-        ("displacement", 2.0 * np.sin(2.0 * TIMES)),
-        ("speed", 100.0 * TIMES + 2000.0),
-        ("acceleration", 9810.0 + 0.0 * TIMES),
-    ],
-)
-def test_what_moves_slowly_is_no_order(quantity, extra):
-    found = measure_drive(
-        measure(OMEGA, ONE_SINE, TIMES, quantity=quantity, extra=extra), omega=OMEGA
-    )
-    assert_exact(found)
-    assert found.left_out < 1e-3
-
-
-@pytest.mark.parametrize(
     ("per_turn", "speeds", "wrap"),
     [(1, (300.0, 1200.0), math.inf), (2, (900.0, 700.0), 360.0)],
 )
 def test_over_the_angle_the_mean_speed_may_change(per_turn, speeds, wrap):
-    angle = np.arange(0.0, 360.0 * 60, 2.0)
+    angle = np.arange(0.0, 360.0 * 40, 2.0)
     speed = np.linspace(*speeds, len(angle)) * (1.0 + 0.02 * np.sin(np.radians(2.0 * angle)))
     text = write(angle % wrap, speed, "crank angle [deg],speed [rpm]")
     found = measure_drive(text, driver_radius=30.0, periods_per_turn=per_turn)
@@ -176,17 +158,21 @@ def teeth(number=60, turns=100):
 
 
 @pytest.mark.parametrize(
-    ("quantity", "times"),
+    ("quantity", "settings"),
     [
-        ("displacement", np.cumsum(2.5e-4 * np.linspace(1.0, 2.0, 8000))),
-        ("acceleration", np.delete(TIMES, np.arange(5, 8000, 60))),
-        ("speed", teeth()),
+        ("displacement", {"extra": 5.0 * TIMES**2 - 3.0}),
+        ("displacement", {"extra": 2.0 * np.sin(2.0 * TIMES)}),
+        ("speed", {"extra": 100.0 * TIMES + 2000.0}),
+        ("acceleration", {"extra": 9810.0}),
+        ("displacement", {"times": np.cumsum(2.5e-4 * np.linspace(1.0, 2.0, 8000))}),
+        ("acceleration", {"times": np.delete(TIMES, np.arange(5, 8000, 60))}),
+        ("speed", {"times": teeth()}),
     ],
-    ids=["doubling", "missing-teeth", "teeth"],
 )
-def test_the_times_are_used_as_they_are(quantity, times):
-    found = measure_drive(measure(OMEGA, ONE_SINE, times, quantity=quantity), omega=OMEGA)
+def test_what_moves_slowly_is_no_order_and_the_times_are_used_as_they_are(quantity, settings):
+    found = find(quantity=quantity, **settings)
     assert_exact(found)
+    assert found.left_out < 1e-3
     assert abs(found.amplitude - 0.3) < max(10.0 * found.table["se_mm"][0], 1e-7)
 
 
@@ -202,9 +188,7 @@ def test_an_order_between_whole_ones_is_named_and_no_noise(quantity, order, cycl
     power = QUANTITIES.index(quantity)
     size = 0.1 if ratio else 0.02
     extra = moved(OMEGA * TIMES, power, ((order, size, 1.0),)) * OMEGA**power
-    found = measure_drive(
-        measure(OMEGA, ONE_SINE, TIMES, quantity=quantity, ratio=ratio, extra=extra), omega=OMEGA
-    )
+    found = find(quantity=quantity, ratio=ratio, extra=extra)
     said = next(remark for remark in found.remarks if "repeats only after" in remark)
     assert f"after {cycle} periods" in said
     assert f"order {order:.3g} " in said
@@ -226,12 +210,7 @@ def test_bad_samples_are_named_and_decide_nothing(power, rows, ratio, jump):
     spikes = np.zeros(len(TIMES))
     spikes[rows] = jump * SWING[power]
     clean, found = (
-        measure_drive(
-            measure(
-                OMEGA, ONE_SINE, TIMES, quantity=QUANTITIES[power], ratio=ratio, extra=extra, seed=3
-            ),
-            omega=OMEGA,
-        )
+        find(quantity=QUANTITIES[power], ratio=ratio, extra=extra, seed=3)
         for extra in (0.0, spikes)
     )
     assert f"line {rows[0] + 2} (" in found.remarks[0]
@@ -242,24 +221,20 @@ def test_bad_samples_are_named_and_decide_nothing(power, rows, ratio, jump):
 def test_a_bad_stretch_costs_its_periods_alone():
     speed = 800.0 + 20.0 * np.sin(OMEGA * TIMES)
     speed[4000:4060] = 0.0
-    found = measure_drive(
-        write(TIMES, speed, "time [s],speed [rpm]"), omega=OMEGA, driver_radius=30.0
-    )
-    assert_exact(found, amplitude=20.0 * math.pi / 30.0 * 30.0 / OMEGA)
+    text = write(TIMES, speed, "time [s],speed [rpm]")
+    found = measure_drive(text, omega=OMEGA, driver_radius=30.0)
+    assert_exact(found, amplitude=20.0 * math.pi / OMEGA)
     assert "2 of 95 periods are left out, far off the others: line 3940 to 4023" in found.answer[-1]
 
 
-def drifting(power, ratio, wave, seed=1):
-    """A file whose frequency is 1 + `wave` of its mean, and the range of the frequency."""
-    tau = OMEGA * np.concatenate([[0.0], np.cumsum(2.5e-4 * (1.0 + 0.5 * (wave[1:] + wave[:-1])))])
+def drifting(power, ratio, wave):
+    """A file whose frequency is 1 + `wave` of its mean."""
+    tau = OMEGA * cumulative_trapezoid(1.0 + wave, TIMES, initial=0.0)
     values = moved(tau, power, ONE_SINE)
     if ratio:
-        values += wander(np.random.default_rng(seed), ratio, tau, power, ONE_SINE)
-    return write(
-        TIMES,
-        values * (OMEGA * (1.0 + wave)) ** power,
-        f"time [s],{QUANTITIES[power]} [{UNITS_OF_POWERS[power]}]",
-    )
+        values += wander(np.random.default_rng(1), ratio, tau, power, ONE_SINE)
+    head = f"time [s],{QUANTITIES[power]} [{UNITS_OF_POWERS[power]}]"
+    return write(TIMES, values * (OMEGA * (1.0 + wave)) ** power, head)
 
 
 @pytest.mark.parametrize(
@@ -291,12 +266,9 @@ def test_a_wrong_number_of_periods_is_corrected_and_said(exact, stated):
 def measure_often(quantity, ratio, seeds):
     """What is found in made measurements of 30 periods with some noise of the measurement."""
     times = 2.0 * math.pi / OMEGA / 40.0 * np.arange(40 * 30)
-    own = 2e-4 * OMEGA ** QUANTITIES.index(quantity)
-    texts = (
-        measure(OMEGA, TWO_SINES, times, quantity=quantity, ratio=ratio, seed=s, noise=own)
-        for s in range(seeds)
-    )
-    return [measure_drive(text, omega=OMEGA) for text in texts]
+    given = {"quantity": quantity, "ratio": ratio}
+    given["noise"] = 2e-4 * OMEGA ** QUANTITIES.index(quantity)
+    return [find(times, TWO_SINES, seed=seed, **given) for seed in range(seeds)]
 
 
 def assert_coverage(quantity, ratio, seeds):
@@ -357,11 +329,6 @@ CLEAN = noisy(3, 0.0, periods=20)
             write(TIMES, 0.0 * TIMES + 3.0),
             {"omega": SLOW_OMEGA},
             r"displacement = 3\.0: is the same in all rows",
-        ),
-        (
-            write(TIMES, np.random.default_rng(1).normal(size=8000)),
-            {"omega": OMEGA},
-            "is not in the file",
         ),
     ],
 )

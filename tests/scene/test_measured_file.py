@@ -1,8 +1,6 @@
 """Files of measurements as other programs write them, and what is said of those that cannot be
 read."""
 
-import re
-
 import numpy as np
 import pytest
 from measurements import OMEGA, TIMES, measure, write
@@ -22,12 +20,10 @@ COLUMNS_LINE = "time [s],displacement [mm]"
         lambda text: text.replace(",", ";"),
         lambda text: text.replace(",", ";").replace(".", ","),
         lambda text: text.replace(",", "\t").replace(".", ","),
-        lambda text: text.replace("\n", ",\n"),
         lambda text: text.replace(",", ";").replace("\n", ";;\n"),
         lambda text: text.replace(COLUMNS_LINE, '"time [s]","displacement [mm]"'),
-        lambda text: "".join(
-            '"' + line.replace(".", "@").replace(",", '";"').replace("@", ",") + '"\n'
-            for line in text.splitlines()
+        lambda text: (
+            '"' + text[:-1].replace(",", '";"').replace(".", ",").replace("\n", '"\n"') + '"'
         ),
         lambda text: text.replace(",", " , "),
         lambda text: "# a remark\n\n" + text + "\n\n",
@@ -35,17 +31,15 @@ COLUMNS_LINE = "time [s],displacement [mm]"
 )
 def test_what_other_programs_write_is_read_alike(change):
     plain, other = (measure_drive(text, omega=OMEGA) for text in (PLAIN_FILE, change(PLAIN_FILE)))
-    assert (other.omega, other.amplitude, other.drive) == (
-        plain.omega,
-        plain.amplitude,
-        plain.drive,
-    )
+    for name in ("omega", "amplitude", "drive"):
+        assert getattr(other, name) == getattr(plain, name)
+
+
+PLAIN_LINES = PLAIN_FILE.splitlines(keepends=True)
 
 
 def with_line(number, text):
-    lines = PLAIN_FILE.splitlines()
-    lines[number - 1] = text
-    return "\n".join([*lines, ""])
+    return "".join([*PLAIN_LINES[: number - 1], text, "\n", *PLAIN_LINES[number:]])
 
 
 @pytest.mark.parametrize(
@@ -67,7 +61,6 @@ def with_line(number, text):
             with_line(7, "12:30:01.5,0.2"),
             "line 7 = '12:30:01.5,0.2': has a time of day or a date; give seconds from",
         ),
-        (with_line(7, '"0.00125,0.2'), "line 7 = .*has a quotation mark that is not closed"),
         (with_line(7, '"' + 200_000 * "1"), "line 7 = .*has a quotation mark that is not closed"),
         (with_line(7, 200_000 * "1"), "line 7 = .*too much in one cell"),
         (
@@ -83,12 +76,9 @@ def with_line(number, text):
             with_line(701, "0.1,0.2"),
             "line 701 = 'time = 0.1': is another step than the others, back from 0.1745 of",
         ),
-        ("".join(PLAIN_FILE.splitlines(keepends=True)[:100]), "99 samples': is too short"),
-        ("".join(PLAIN_FILE.splitlines(keepends=True)[:200]), "periods': is too short"),
-        (
-            PLAIN_FILE.replace("\n".join(PLAIN_FILE.splitlines()[50:60]) + "\n", ""),
-            "follows a gap of 11 steps",
-        ),
+        ("".join(PLAIN_LINES[:100]), "99 samples': is too short"),
+        ("".join(PLAIN_LINES[:200]), "periods': is too short"),
+        ("".join(PLAIN_LINES[:50] + PLAIN_LINES[60:]), "follows a gap of 11 steps"),
         (COLUMNS_LINE + "\n", "has no rows below its header"),
         ("\n", "is empty"),
         (
@@ -122,32 +112,25 @@ def test_what_cannot_be_read_is_said_with_its_line(text, message):
 
 @pytest.mark.parametrize(("unit", "turn", "low"), [("deg", 360.0, 0.0), ("rad", 2.0 * np.pi, -0.5)])
 def test_wrapped_angles_of_an_encoder_are_unwrapped(unit, turn, low):
-    turns = (80.0 * TIMES[:2000] + 0.01 * np.sin(OMEGA * TIMES[:2000])) / (2.0 * np.pi)
-    text = write(
-        TIMES[:2000], ((turns - low) % 1.0 + low) * turn, f"time [s],displacement [{unit}]"
-    )
+    times = TIMES[:2000]
+    turns = (80.0 * times + 0.01 * np.sin(OMEGA * times)) / (2.0 * np.pi)
+    text = write(times, ((turns - low) % 1.0 + low) * turn, f"time [s],displacement [{unit}]")
     found = measure_drive(text, omega=OMEGA, driver_radius=30.0)
     assert found.amplitude == pytest.approx(0.3, rel=1e-4)
     assert [one.order for one in found.drive if one.amplitude > 0.01] == [1]
 
 
 def test_a_speed_against_the_angle_is_said_to_be():
-    angle = np.arange(0.0, 360.0 * 20, 2.0)
-    speed = 800.0 + 20.0 * np.sin(np.radians(angle))
-    head = "angle [deg],speed [rpm]"
-    forward = measure_drive(write(angle, speed, head), driver_radius=30.0)
-    backward = measure_drive(write(-angle, -speed, head), driver_radius=30.0)
-    assert backward.amplitude == pytest.approx(forward.amplitude)
+    angle = np.arange(0.0, 360.0 * 12, 2.0)
+    swing = 20.0 * np.sin(np.radians(angle))
+
+    def found(angle, speed, **settings):
+        text = write(angle, speed, "angle [deg],speed [rpm]")
+        return measure_drive(text, driver_radius=30.0, **settings).amplitude
+
+    assert found(-angle, -800.0 - swing) == pytest.approx(found(angle, 800.0 + swing))
     with refusal("line 2 = 'speed = -800 rpm': is negative where the angle rises; turn the"):
-        measure_drive(write(angle, -speed, head), driver_radius=30.0)
+        found(angle, -800.0 - swing)
     with refusal("give omega, since it is no speed of rotation"):
-        measure_drive(write(angle, speed - 800.0, head), driver_radius=30.0)
-    found = measure_drive(write(angle, speed - 800.0, head), driver_radius=30.0, omega=80.0)
-    assert found.amplitude == pytest.approx(20.0 * 30.0 * np.pi / 30.0 / 80.0)
-
-
-def test_numbers_of_numpy_are_shown_as_numbers():
-    for value in (np.float64(1.5), (np.float64(1.5), np.int64(2)), np.bool_(True)):
-        assert "np." not in str(InputError("omega", value, "change it"))
-    with refusal(re.escape("gears.omega = 390.0: is not in the file")):
-        measure_drive(PLAIN_FILE, omega=np.float64(390.0))
+        found(angle, swing)
+    assert found(angle, swing, omega=80.0) == pytest.approx(20.0 * np.pi / 80.0)

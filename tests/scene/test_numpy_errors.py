@@ -8,14 +8,7 @@ import pytest
 from scenes import dat21
 
 import rattle
-from rattle import (
-    Closure,
-    Record,
-    mean_map,
-    simulate,
-    simulate_to,
-    validate,
-)
+from rattle import Closure, Record, mean_map, simulate, validate
 from rattle.montecarlo import simulate_rare
 
 SOFT = dat21(0.01)
@@ -23,7 +16,6 @@ ALL_RECORDS = Record(histogram=True, energy=True, on_itinerary=True, times=[0.3,
 COMPUTE = {
     "mean_map": lambda scene: mean_map(scene, impacts=3, closure="branching"),
     "simulate": lambda scene: simulate(scene, paths=2000, impacts=3, record=ALL_RECORDS),
-    "simulate_to": lambda scene: simulate_to(scene, 0.05, impacts=3, budget=20.0),
     "simulate_rare": lambda scene: simulate_rare(scene, impacts=3, paths=4096),
     "validate": lambda scene: validate(scene, impacts=3, paths=2000),
 }

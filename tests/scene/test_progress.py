@@ -94,23 +94,28 @@ def test_a_program_on_a_terminal_shows_that_it_compiles_and_takes_it_away():
     assert [line for line in seen if line] == ["answer"]
 
 
+WORKER = """
+import multiprocessing
+p = multiprocessing.get_context("fork").Process(target=twice, args=(1,))
+p.start()
+p.join()
+"""
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("place", ["multiprocessing", "PYTEST_CURRENT_TEST", "a user's function"])
-def test_workers_and_tests_on_a_terminal_compile_silently_and_so_do_users_functions(place):
-    how = "twice(1)"
-    package = "mine" if place == "a user's function" else "rattle"
-    environment = {}
-    if place == "multiprocessing":
-        how = (
-            "import multiprocessing; p = multiprocessing.get_context('fork').Process(target=twice,"
-            " args=(1,))"
-        )
-        how += "; p.start(); p.join()"
-    elif place == "PYTEST_CURRENT_TEST":
-        environment["PYTEST_CURRENT_TEST"] = "a test"
-    written, _ = on_terminal(
-        "-c", AT_ONCE + COMPILE.format(package=package, how=how), **environment
-    )
+@pytest.mark.parametrize(
+    ("package", "how", "environment"),
+    [
+        ("rattle", WORKER, {}),
+        ("rattle", "twice(1)", {"PYTEST_CURRENT_TEST": "a test"}),
+        ("mine", "twice(1)", {}),
+    ],
+)
+def test_workers_and_tests_on_a_terminal_compile_silently_and_so_do_users_functions(
+    package, how, environment
+):
+    code = AT_ONCE + COMPILE.format(package=package, how=how)
+    written, _ = on_terminal("-c", code, **environment)
     assert written.strip() == "answer"
 
 

@@ -1,5 +1,4 @@
 import pickle
-import re
 from dataclasses import replace
 
 import numpy as np
@@ -34,18 +33,10 @@ GIVEN = {
 }
 
 
-def refused(field, value, remedy):
-    """What must be raised: field, value and remedy, all three in the text."""
-    return pytest.raises(
-        InputError, match=re.escape(f"{field} = {value!r}: ") + ".*" + re.escape(remedy)
-    )
-
-
 BAD_VALUES = {
     Scene: [
         *((name, -1e-9, "must be 0 or greater") for name in NON_NEGATIVE),
         ("gap1", 0.0, "must be greater than 0"),
-        ("gap2", -0.5, "must be greater than 0"),
         ("epsilon", -0.01, "must lie between 0 and 1"),
         ("epsilon", 1.2, "must lie between 0 and 1"),
         ("epsilon", None, "is needed, or give wheels"),
@@ -59,15 +50,12 @@ BAD_VALUES = {
         ("start", (0.0, 0.5, 2.0, 0.5, 2.0), "give a Start"),
         ("alpha", float("-inf"), "give a finite number"),
         ("alpha", "0.5", "give a number"),
-        ("alpha", None, "give a number"),
         ("alpha", True, "give a number"),
-        ("alpha", [0.5], "give a number"),
     ],
     Gears: [
         *((name, 0.0, "must be greater than 0") for name in POSITIVE),
         *((name, -1.0, "must be 0 or greater") for name in ("damping2", "torque1", "torque2")),
         ("epsilon", 1.1, "must lie between 0 and 1"),
-        ("inertia1", None, "give a number"),
         ("omega", 1j, "give a number"),
     ],
     Wheel: [(name, 0.0, "must be greater than 0") for name in ("gap", "mass", "ratio")],
@@ -99,7 +87,7 @@ for kind, names in FINITE.items():
 )
 def test_a_bad_value_is_refused_by_field_value_and_remedy(kind, field, value, remedy):
     prefix = "" if kind in (Scene, Gears) else f"{kind.__name__.lower()}."
-    with refused(prefix + field, value, remedy):
+    with refusal_in_words(f"{prefix}{field} = {value!r}: …{remedy}"):
         kind(**GIVEN[kind] | {field: value})
 
 
@@ -108,73 +96,57 @@ SECOND_WHEEL = replace(FIRST_WHEEL, parent=1, name="two")
 
 
 @pytest.mark.parametrize(
-    ("settings", "field", "value", "remedy"),
+    ("settings", "said"),
     [
-        ({"tolerance": Tolerance(c1_max=0.5)}, "tolerance.c1_max", 0.5, "must be below gap1 = 0.5"),
-        ({"tolerance": Tolerance(c2_max=0.4)}, "tolerance.c2_max", 0.4, "must be below gap2 = 0.4"),
-        ({"start": Start(x1=0.6)}, "start.x1", 0.6, "must lie on a flank (+-0.5) or inside +-0.5"),
-        ({"start": Start(x1=0.5, y1=0.0, mesh=1)}, "start.mesh", 1, "given x1 = 0.5, y1 = 0.0"),
-        ({"start": Start(x1=0.4, y1=1.0, mesh=1)}, "start.mesh", 1, "needs x1 = +-0.5"),
-        ({"start": Start(x2=-0.4, y2=1.0, mesh=2)}, "start.mesh", 2, "y2 outward"),
-        ({"start": Start(x2=-0.4, y2=0.0)}, "start.y2", 0.0, "must move inward, or give mesh=2"),
-        ({"start": Start(mesh=3)}, "start.mesh", 3, "a scene of 2 wheels has no mesh 3"),
+        ({"tolerance": Tolerance(c1_max=0.5)}, "tolerance.c1_max = 0.5: must be below gap1 = 0.5"),
+        ({"tolerance": Tolerance(c2_max=0.4)}, "tolerance.c2_max = 0.4: must be below gap2 = 0.4"),
+        ({"start": Start(x1=0.6)}, "start.x1 = 0.6: must lie on a flank (+-0.5) or inside +-0.5"),
+        ({"start": Start(x1=0.5, y1=0.0, mesh=1)}, "start.mesh = 1: … given x1 = 0.5, y1 = 0.0"),
+        ({"start": Start(x1=0.4, y1=1.0, mesh=1)}, "start.mesh = 1: … needs x1 = +-0.5"),
+        ({"start": Start(x2=-0.4, y2=1.0, mesh=2)}, "start.mesh = 2: … y2 outward"),
+        ({"start": Start(x2=-0.4, y2=0.0)}, "start.y2 = 0.0: … must move inward, or give mesh=2"),
+        ({"start": Start(mesh=3)}, "start.mesh = 3: a scene of 2 wheels has no mesh 3"),
         (
             {"tolerance": Tolerance(c1_max=0.1), "start": Start(x1=0.45)},
-            "start.x1",
-            0.45,
-            "inside +-0.4",
+            "start.x1 = 0.45: … inside +-0.4",
         ),
         (
             {"stages": 1, "start": Start(x2=0.4, y2=1.0, mesh=2)},
-            "start.mesh",
-            2,
-            "a single-stage scene has mesh 1 only",
+            "start.mesh = 2: a single-stage scene has mesh 1 only",
         ),
-        ({"wheels": FIRST_WHEEL}, "wheels", FIRST_WHEEL, "give a sequence of Wheel"),
-        ({"wheels": [FIRST_WHEEL, 3]}, "wheels", 3, "give a sequence of Wheel"),
-        ({"wheels": [FIRST_WHEEL] * 33}, "wheels", 33, "at most 32 wheels"),
+        ({"wheels": FIRST_WHEEL}, f"wheels = {FIRST_WHEEL!r}: give a sequence of Wheel"),
+        ({"wheels": [FIRST_WHEEL, 3]}, "wheels = 3: give a sequence of Wheel"),
+        ({"wheels": [FIRST_WHEEL] * 33}, "wheels = 33: at most 32 wheels"),
         (
             {"wheels": [FIRST_WHEEL, replace(FIRST_WHEEL, parent=3)]},
-            "wheel.2.parent",
-            3,
-            "there are 2 wheels",
+            "wheel.2.parent = 3: there are 2 wheels",
         ),
         (
             {"wheels": [FIRST_WHEEL, replace(FIRST_WHEEL, parent="tow")]},
-            "wheel.2.parent",
-            "tow",
-            "no wheel has",
+            "wheel.2.parent = 'tow': no wheel has",
         ),
         (
             {"wheels": [replace(FIRST_WHEEL, parent=2), SECOND_WHEEL]},
-            "wheel.1.parent",
-            2,
-            "itself in a circle",
+            "wheel.1.parent = 2: … itself in a circle",
         ),
         (
             {"wheels": [FIRST_WHEEL, SECOND_WHEEL, SECOND_WHEEL]},
-            "wheel.3.name",
-            "two",
-            "two wheels have this name",
+            "wheel.3.name = 'two': two wheels have this name",
         ),
         (
             {"wheels": [FIRST_WHEEL], "epsilon": None},
-            "wheel.1.epsilon",
-            None,
-            "give it one, or the scene",
+            "wheel.1.epsilon = None: give it one, or the scene",
         ),
-        ({"wheels": [FIRST_WHEEL], "beta1": 0.1}, "beta1", 0.1, "give it, or wheels; not both"),
+        ({"wheels": [FIRST_WHEEL], "beta1": 0.1}, "beta1 = 0.1: give it, or wheels; not both"),
         (
-            {"wheels": [FIRST_WHEEL, FIRST_WHEEL], "start": Start(state=(0.1, 0.2, 0.6, 0.0))},
-            "start.x2",
-            0.6,
-            "must lie on a flank",
+            {"wheels": [FIRST_WHEEL] * 2, "start": Start(state=(0.1, 0.2, 0.6, 0.0))},
+            "start.x2 = 0.6: must lie on a flank",
         ),
     ],
 )
-def test_a_start_or_wheels_that_cannot_be_are_refused(settings, field, value, remedy):
+def test_a_start_or_wheels_that_cannot_be_are_refused(settings, said):
     given = {"alpha": 1.0, "epsilon": 0.5} if "wheels" in settings else VALUES
-    with refused(field, value, remedy):
+    with refusal_in_words(said):
         Scene(**given | settings)
 
 
@@ -192,9 +164,8 @@ def test_what_a_scene_keeps_of_its_wheels_is_never_that_of_another():
     wide = replace(scene, wheels=[replace(wheel, tolerance=0.1) for wheel in scene.wheels])
     for other, gap in ((wide.noise_free, 1.0), (scene.scaled(2.0), 2.0)):
         assert other.constants.wheels["wall"].tolist() == (gap * walls).tolist()
-    assert [wheel.tolerance for wheel in wide.noise_free.tree] == [0.0] * 4
-    assert wide.differs_by_set
-    assert not scene.differs_by_set
+    assert {wheel.tolerance for wheel in wide.noise_free.tree} == {0.0}
+    assert (wide.differs_by_set, scene.differs_by_set) == (True, False)
     assert pickle.loads(pickle.dumps(scene)) == scene
     several = replace(scene, drive=(Order(1), Order(2, 0.3)))
     assert several.constants.drive.waves is not several.constants.drive.waves
@@ -202,13 +173,7 @@ def test_what_a_scene_keeps_of_its_wheels_is_never_that_of_another():
 
 def test_a_scene_keeps_its_gears_while_they_are_its_gears():
     scene = Scene.from_gears(DAT21, sigma=0.1)
-    for same in (
-        {},
-        {"sigma": 0.2},
-        {"stages": 1},
-        {"tolerance": Tolerance(0.1, 0.1)},
-        {"start": Start()},
-    ):
+    for same in ({}, {"stages": 1}, {"tolerance": Tolerance(0.1, 0.1)}, {"start": Start()}):
         assert replace(scene, **same).gears is DAT21
         assert "[gears]" in replace(scene, **same).to_toml()
     for other in ({"alpha": 2.0}, {"gap2": 0.6}, {"gears": None}):
@@ -247,9 +212,8 @@ MINIMAL = "alpha = 1.5\nepsilon = 0.9\nbeta1 = 0.1\ngamma1 = 0.0\nmu = 0.5\n"
         ("[scene]\n" + MINIMAL + "qqqq = 1", "valid are 'alpha', "),
         ("[scene]\nalpha = 1.0", "scene = ['epsilon', 'beta1', 'gamma1']: these keys are missing"),
         ("[gears]\nalpha = 1.0", "gears = ['epsilon', 'omega', "),
-        ("[gears]\nomegga = 1.0", "did you mean 'omega'?"),
+        ("[gears]\nOmegga = 1.0", "did you mean 'omega'?"),
         ("scene = 3", "scene = 3: write it as a table: [scene]"),
-        ("gears = 3", "gears = 3: write it as a table: [gears]"),
         (
             "[scene]\n" + MINIMAL + "start = 1",
             "scene.start = 1: write it as a table: [scene.start]",
@@ -264,31 +228,23 @@ def test_toml_refuses_in_words(text, words):
 
 NAMESPACE = vars(rattle.scene)
 LOOSE = replace(DAT21, backlash2=0.25)
+FIRST_OF_FOUR = replace(FOUR.wheels[0], tolerance=0.01, name="in")
 NAMED = replace(
-    FOUR,
-    wheels=[
-        replace(wheel, tolerance=0.01, name=name)
-        for wheel, name in zip(FOUR.wheels, ("in", "a", "b", "out"), strict=True)
-    ],
+    FOUR, wheels=[FIRST_OF_FOUR, *FOUR.wheels[1:]], noise={"drive": 1, "in": 0.2, "3": 0.5}
 )
 
 
 @pytest.mark.parametrize(
     "scene",
     [
-        Scene.from_gears(DAT21),
         Scene.from_gears(LOOSE, sigma=0.1, tolerance=Tolerance(0.01, 1e-3, draw="contact")),
         Scene(alpha=1.5, epsilon=0.9, beta1=1 / 3, gamma1=0.0, stages=1, start=Start(tau=7.0)),
         Scene(alpha=1.5, epsilon=0.9, beta1=0.1, gamma1=0.0, mu=0.5, sigma=-0.0),
         TREES["chain of 5"],
         NAMED,
         THREE,
-        replace(THREE, correlation_time=0.3),
-        replace(THREE, gears=None, alpha=1.2),
-        dat21(0.1, noise=2),
+        replace(THREE, correlation_time=0.3, alpha=1.2),
         replace(dat21(0.1, noise=2), gears=None),
-        replace(FOUR, noise={"drive": 1, 1: 0.2, "3": 0.5}),
-        OSCILLATOR,
         replace(OSCILLATOR, sigma=0.1, noise={"drive": 1.0, 1: 0.5}),
         chain(Restitution(sd=0.05, least=0.8, speed=2.0), 0.1),
         chain(Restitution(table=[(0.5, 0.8), (2.0, 0.6)]), 0.1),
@@ -310,8 +266,7 @@ def test_one_unit_of_dat21():
 
 
 def test_an_error_keeps_its_place_between_processes():
-    error = pickle.loads(
-        pickle.dumps(InputError("sigma", -1.0, "must be 0 or greater", "mine.toml, line 2"))
-    )
+    error = InputError("sigma", -1.0, "must be 0 or greater", "mine.toml, line 2")
+    error = pickle.loads(pickle.dumps(error))
     assert str(error) == "mine.toml, line 2: sigma = -1.0: must be 0 or greater"
     assert error.where == "mine.toml, line 2"

@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from rattle import InputError
 from rattle.scene.text import as_call, percent, show
 
 
@@ -30,4 +31,6 @@ def test_numbers_of_numpy_are_written_as_numbers():
     assert (
         show((np.float64(0.5), [np.int64(3)], {"a": np.bool_(True)})) == "(0.5, [3], {'a': True})"
     )
+    error = InputError("omega", (np.float64(1.5), np.int64(2)), "change it")
+    assert str(error) == "omega = (1.5, 2): change it"
     assert as_call("simulate", {"dt": np.float64(0.01)}) == "simulate(dt=0.01)"
