@@ -194,15 +194,15 @@ class Closure:
     def digest(self) -> str:
         """SHA-256 digest of its sources: it changes with the functions and with those of its module
         that they name."""
-        said = [
+        parts = [
             self.name,
             str(self.stages),
             *self.predicts,
             *([self.describes] if self.describes else []),
         ]
         for function in (self.function, self.at_times):
-            said += sources(function) if function is not None else []
-        return hashlib.sha256("\n".join(said).encode()).hexdigest()
+            parts += sources(function) if function is not None else []
+        return hashlib.sha256("\n".join(parts).encode()).hexdigest()
 
     def check(self, scene: Scene) -> None:
         """Refuse a scene to which it does not apply."""
@@ -324,7 +324,7 @@ def own_trace(scene: Scene, table: "pd.DataFrame", seconds: float) -> Trace:
     known = np.flatnonzero(
         table.drop(columns=["mesh", "side"], errors="ignore").notna().any(axis=1).to_numpy()
     )
-    found = int(known[-1]) + 1 if len(known) else 0
+    predicted = int(known[-1]) + 1 if len(known) else 0
     mesh, side = (
         np.append(along[0], table[name].fillna(0).astype(int)) if name in table else along
         for name, along in (("mesh", orbit.mesh), ("side", orbit.side))
@@ -333,7 +333,7 @@ def own_trace(scene: Scene, table: "pd.DataFrame", seconds: float) -> Trace:
     skew = whole[[f"skew_{name}" for name in names]].to_numpy(copy=True)
     raw = unknown(impacts + 1, wheels, 3, 3)
     at = partial(nothing_known, wheels)
-    stopped = "" if found == impacts else UNPREDICTED.format(found)
+    stopped = "" if predicted == impacts else UNPREDICTED.format(predicted)
     return Trace(
         tau,
         mesh,
@@ -344,7 +344,7 @@ def own_trace(scene: Scene, table: "pd.DataFrame", seconds: float) -> Trace:
         covariance,
         raw,
         at,
-        found,
+        predicted,
         stopped,
         until=np.inf,
         rho=rho,
@@ -452,28 +452,28 @@ def import_closure(field: str, text: str) -> Closure:
     if os.getcwd() not in sys.path:
         sys.path.append(os.getcwd())
     try:
-        found: Any = importlib.import_module(module)
+        value: Any = importlib.import_module(module)
     except (Exception, SystemExit) as error:
         why = f"cannot be imported ({name_error(error)})"
         raise InputError(
             field, text, f"{why}; run where its module is, or set PYTHONPATH"
         ) from None
     for name in path.split("."):
-        if not hasattr(found, name):
+        if not hasattr(value, name):
             valid = (
-                [n for n, value in vars(found).items() if callable(value)]
-                if hasattr(found, "__dict__")
+                [n for n, value in vars(value).items() if callable(value)]
+                if hasattr(value, "__dict__")
                 else []
             )
             raise InputError(field, text, f"{module} has no {name!r}; {nearest(name, valid)}")
-        found = getattr(found, name)
-    if not callable(found) and not isinstance(found, Closure):
+        value = getattr(value, name)
+    if not callable(value) and not isinstance(value, Closure):
         raise InputError(
             field,
             text,
-            f"is a {type(found).__name__}; name a function (scene, impacts), or a Closure",
+            f"is a {type(value).__name__}; name a function (scene, impacts), or a Closure",
         )
-    closure = copy(found) if isinstance(found, Closure) else Closure(name_of(found), found)
+    closure = copy(value) if isinstance(value, Closure) else Closure(name_of(value), value)
     object.__setattr__(closure, "origin", text)
     return closure
 
@@ -491,31 +491,31 @@ def sources(function: Callable[..., Any], seen: set[int] | None = None) -> list[
         return []
     seen.add(id(kind))
     try:
-        found = [inspect.getsource(kind)]
+        texts = [inspect.getsource(kind)]
     except (OSError, TypeError):
         module = inspect.getmodule(kind)
-        found = (
+        texts = (
             [inspect.getsource(module)]
             if module is not None and hasattr(module, "__file__")
             else [repr(kind)]
         )
     if kind is not function:  # an object that can be called: its state
-        found.append(repr(sorted(vars(getattr(function, "__self__", function)).items())))
+        texts.append(repr(sorted(vars(getattr(function, "__self__", function)).items())))
     methods = vars(kind).values() if isinstance(kind, type) else [kind]
-    found += [code_text(one.__code__) for one in methods if isinstance(one, types.FunctionType)]
+    texts += [code_text(one.__code__) for one in methods if isinstance(one, types.FunctionType)]
     if isinstance(kind, types.FunctionType):
         given = [
             *(kind.__defaults__ or ()),
             *(cell.cell_contents for cell in kind.__closure__ or ()),
         ]
-        found += [repr(value) for value in given if not callable(value)]
+        texts += [repr(value) for value in given if not callable(value)]
         for other in (*given, *(kind.__globals__.get(name) for name in names_in(kind.__code__))):
             other = getattr(other, "py_func", other)  # of a compiled function
             if getattr(other, "__module__", "") == kind.__module__ and isinstance(
                 other, types.FunctionType | type
             ):
-                found += sources(other, seen)
-    return found
+                texts += sources(other, seen)
+    return texts
 
 
 def code_text(code: types.CodeType) -> str:

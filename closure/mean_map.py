@@ -225,16 +225,16 @@ def find_closures(field: str, given: object) -> tuple[Closure, ...]:
         raise InputError(
             field, given, f"give a list of {', '.join(CLOSURES)}, or functions of your own"
         )
-    found: dict[str, Closure] = {}
-    for each in given:
-        closure = find_closure(field, each)
-        if found.setdefault(closure.name, closure) != closure:
+    closures: dict[str, Closure] = {}
+    for item in given:
+        closure = find_closure(field, item)
+        if closures.setdefault(closure.name, closure) != closure:
             why = (
                 f"is the name of two closures; give one another, as in Closure('{closure.name}2',"
                 " function)"
             )
             raise InputError(field, closure.name, why)
-    return tuple(found.values())
+    return tuple(closures.values())
 
 
 @numpy_defaults
@@ -257,13 +257,13 @@ def refusals(scene: Scene) -> dict[str, str]:
     >>> refusals(Scene.from_gears(DAT21, start=Start()))
     {'published': 'start.mesh = 0: the published closure needs a start at mesh 1 (Eq. 10)'}
     """
-    found = {}
+    reasons = {}
     for name, closure in CLOSURES.items():
         try:
             closure.check(scene)
         except InputError as error:
-            found[name] = str(error)
-    return found
+            reasons[name] = str(error)
+    return reasons
 
 
 @numpy_defaults

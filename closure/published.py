@@ -200,18 +200,18 @@ def trace(scene: Scene, impacts: int, order: int) -> Trace:
     shift[0] = 0.0
     raw[:, 0] = 0.0
     raw[:, 0, :, 0, 0] = 1.0
-    found = 0
-    while found < impacts:
-        last = tau[found], mean[found], shift[found], after[found]
+    reached = 0
+    while reached < impacts:
+        last = tau[reached], mean[reached], shift[reached], after[reached]
         t, stage = _counter_mesh(c, alone, *last, windows)
         if stage == 0:
             break
-        found += 1
-        tau[found] = last[0] + t
-        mesh[found] = stage
-        mean[found], shift[found], before[found] = _in_flight(c, alone, *last, t, windows)
-        side[found] = np.copysign(1, mean[found, 2 * stage - 2])
-        after[found] = after_impact(c, before[found])
+        reached += 1
+        tau[reached] = last[0] + t
+        mesh[reached] = stage
+        mean[reached], shift[reached], before[reached] = _in_flight(c, alone, *last, t, windows)
+        side[reached] = np.copysign(1, mean[reached, 2 * stage - 2])
+        after[reached] = after_impact(c, before[reached])
     covariance = _covariance(before)
     variance = np.diagonal(covariance, axis1=1, axis2=2)
     sd = unknown(impacts + 1, 2 + 2 * gaps)
@@ -219,12 +219,22 @@ def trace(scene: Scene, impacts: int, order: int) -> Trace:
 
     ended = (
         f"the other mesh is not struck within {LONGEST_MAPPED_FLIGHT:g} time units"
-        f" after impact {found}"
+        f" after impact {reached}"
     )
-    stopped = "" if found == impacts else ended
-    at = partial(_at, c, alone, windows, tau[: found + 1], mean, shift, after)
+    stopped = "" if reached == impacts else ended
+    at = partial(_at, c, alone, windows, tau[: reached + 1], mean, shift, after)
     return Trace(
-        tau, mesh, side, mean, sd, np.full_like(sd, np.nan), covariance, before, at, found, stopped
+        tau,
+        mesh,
+        side,
+        mean,
+        sd,
+        np.full_like(sd, np.nan),
+        covariance,
+        before,
+        at,
+        reached,
+        stopped,
     )
 
 

@@ -186,8 +186,14 @@ class MeanMap(SectionResult):
         if self.trace.followed is None:
             return self
         mean, sd, skew = self.trace.followed
-        own = {"tau": mean[:, 0], "flight": mean[:, 1], "mean": mean[:, 2:], "sd": sd, "skew": skew}
-        return replace(self, trace=replace(self.trace, error=None, **own))
+        followed = {
+            "tau": mean[:, 0],
+            "flight": mean[:, 1],
+            "mean": mean[:, 2:],
+            "sd": sd,
+            "skew": skew,
+        }
+        return replace(self, trace=replace(self.trace, error=None, **followed))
 
     def stage_covariance(self, impact: int, stage: int) -> Floats:
         """Covariance of displacement and velocity in a gap just before an impact.

@@ -121,12 +121,12 @@ def noise_slope(c: Constants, tau: float, t: float) -> Floats:
 
 
 def propagate(
-    c: Constants, at: Impacts, found: int, start: Floats, redrawn: Floats, second: bool
+    c: Constants, at: Impacts, reached: int, start: Floats, redrawn: Floats, second: bool
 ) -> tuple[int, Floats, Floats, Floats, Floats, Floats]:
     """Mean shift, sd and skewness of the section quantities, and covariance of the section state
     before and after.
 
-    `found`: How many impacts there are. `start`: Covariance of the section state after the start;
+    `reached`: How many impacts there are. `start`: Covariance of the section state after the start;
     its size tells whether flanks vary. `redrawn`: See
     `rattle.closure.section_map.redrawn_variances`. Shapes: `start` (d, d); result (impacts + 1,
     2 + 2 wheels); result (impacts + 1, d, d).
@@ -142,18 +142,18 @@ def propagate(
     section[0] = covariance[0] = start
     moved = np.zeros(d)
     third = np.zeros((d, d, d))
-    speed = struck_speeds(mesh[1 : found + 1], before[1 : found + 1])
-    found = int(np.append(np.abs(speed) < slowest_impact(c, before[0]), True).argmax())
+    speed = struck_speeds(mesh[1 : reached + 1], before[1 : reached + 1])
+    reached = int(np.append(np.abs(speed) < slowest_impact(c, before[0]), True).argmax())
     # place of the deviation that is drawn anew, where flanks vary
     flank = column(c.wheels.size, mesh, -at.side)
     hits = [np.eye(d)]
-    for k, w in enumerate(speed[:found].tolist(), 1):
+    for k, w in enumerate(speed[:reached].tolist(), 1):
         hit = contact_matrix(c, mesh[k], w, d, 1)
         if redrawn.size:
             hit[flank[k]] = 0.0  # nothing is known of it
         hits.append(hit)
-    for low in range(0, found, IMPACTS_AT_ONCE):
-        high = min(low + IMPACTS_AT_ONCE, found)
+    for low in range(0, reached, IMPACTS_AT_ONCE):
+        high = min(low + IMPACTS_AT_ONCE, reached)
         ends = slice(low, high + 1)
         part = slice(low + 1, high + 1)
         steps = section_steps(c, Impacts.of(at, ends), d)
@@ -170,8 +170,8 @@ def propagate(
         p = covariance[low:high]
         cross = total(linear[:, 0] * p[:, 0])  # cov(tau_k, tau_k-1)
         spread = section[part, 0, 0] + p[:, 0, 0] - 2.0 * cross  # variance of the flight time
-        own = np.diagonal(section[part], axis1=1, axis2=2)[:, :plain]
-        sd[part] = np.sqrt(np.maximum(np.insert(own, 1, spread, axis=1), 0.0))
+        variances = np.diagonal(section[part], axis1=1, axis2=2)[:, :plain]
+        sd[part] = np.sqrt(np.maximum(np.insert(variances, 1, spread, axis=1), 0.0))
         if second:
             rebounds = [
                 (hits[k], *rebound_cumulants(c, mesh[k], before[k], hits[k], section[k]))
@@ -188,7 +188,7 @@ def propagate(
             )
             cube = sd[part] * sd[part] * sd[part]
             np.divide(cubes, cube, out=skew[part], where=cube > SMALLEST_DIVISOR)
-    return found, shift, sd, skew, section, covariance
+    return reached, shift, sd, skew, section, covariance
 
 
 def _carry_cumulants(
@@ -265,7 +265,7 @@ def trace(scene: Scene, impacts: int, order: int) -> Trace:
     `order` 3 on."""
     c = scene.constants
     orbit = follow(scene, impacts).until_sticking
-    found, shift, sd, skew, section, after = propagate(
+    reached, shift, sd, skew, section, after = propagate(
         c,
         Impacts.of(orbit),
         orbit.found,
@@ -273,23 +273,23 @@ def trace(scene: Scene, impacts: int, order: int) -> Trace:
         redrawn_variances(scene),
         order >= 3,
     )
-    stopped = orbit.stopped if found == orbit.found else f"impact {found + 1} grazes its wall"
-    finite = np.isfinite(section[: found + 1]).all(axis=(1, 2))
+    stopped = orbit.stopped if reached == orbit.found else f"impact {reached + 1} grazes its wall"
+    finite = np.isfinite(section[: reached + 1]).all(axis=(1, 2))
     if not finite.all():
-        found = int(finite.argmin()) - 1
-        stopped = f"the covariance of impact {found + 1} is larger than any number"
-        shift[found + 1 :] = sd[found + 1 :] = skew[found + 1 :] = np.nan
-    known = Impacts.of(orbit).until(found)
+        reached = int(finite.argmin()) - 1
+        stopped = f"the covariance of impact {reached + 1} is larger than any number"
+        shift[reached + 1 :] = sd[reached + 1 :] = skew[reached + 1 :] = np.nan
+    known = Impacts.of(orbit).until(reached)
     mean = known.before + np.nan_to_num(shift[:, 2:])
     tau = known.tau + np.nan_to_num(shift[:, 0])
     states = orbit.before.shape[1]
     covariance = unknown(impacts + 1, states, states)
-    for k in range(found + 1):
+    for k in range(reached + 1):
         rate = field(c, orbit.tau[k], orbit.before[k]) if k else np.zeros(states)
         covariance[k] = _at_one_time(rate, section[k, : states + 1, : states + 1], np.eye(states))
     raw = gap_moments(covariance, order)
 
-    at = partial(_in_flight, c, orbit, found, after)
+    at = partial(_in_flight, c, orbit, reached, after)
     return Trace(
         tau,
         known.mesh,
@@ -300,9 +300,9 @@ def trace(scene: Scene, impacts: int, order: int) -> Trace:
         covariance,
         raw,
         at,
-        found,
+        reached,
         stopped,
-        until=float(orbit.tau[found]),
+        until=float(orbit.tau[reached]),
     )
 
 
@@ -391,12 +391,12 @@ def flight_cumulants(
     Shapes: `p`, `q`, `slope` (n, d, d) and (n, m, m); `third` (n, d, d, d); result (n,).
     """
     d = p.shape[1]
-    own = first[:, 0].copy()  # derivative of the flight time with respect to (s, n)
-    own[:, 0] -= 1.0
-    past = own[:, :d]
-    noise = own[:, d:]
+    direct = first[:, 0].copy()  # derivative of the flight time with respect to (s, n)
+    direct[:, 0] -= 1.0
+    past = direct[:, :d]
+    noise = direct[:, d:]
     reach = np.concatenate([image(p, past), image(q, noise)], axis=1)  # its covariance with (s, n)
     varied = total(noise * image(slope, noise))  # d var(flight | s) / d tau_k
-    found = 3.0 * total(reach * image(hessian[:, 0], reach)) + 3.0 * varied * reach[:, 0]
+    bent = 3.0 * total(reach * image(hessian[:, 0], reach)) + 3.0 * varied * reach[:, 0]
     carried = past * image(image(third, past[:, None]), past)
-    return total(np.column_stack([found, carried]))
+    return total(np.column_stack([bent, carried]))

@@ -102,8 +102,8 @@ def linear_law(scene: Scene, a: Attractor) -> Law:
     largest = float(np.abs(np.linalg.eigvals(whole)).max())
     if largest >= 1.0 - 1e-9:
         raise NotPredicted(f"the orbit is not stable (multiplier {largest:.6g})")
-    found = np.asarray(solve_discrete_lyapunov(whole, added), dtype=np.float64)
-    start = 0.5 * (found + found.T)
+    solved = np.asarray(solve_discrete_lyapunov(whole, added), dtype=np.float64)
+    start = 0.5 * (solved + solved.T)
     shift, sd, section, after = _second_order(scene, a, start, largest)
     n = a.impacts
     rates = np.arange(n), 1 + 2 * a.mesh[1:]  # places of the struck rates

@@ -72,15 +72,20 @@ def trace(scene: Scene, impacts: int, order: int, tolerance: float | None = None
     wheels = scene.constants.wheels
     unit = 2.0 ** math.frexp(wheels[0].size)[1]
     scaled = scene.scaled(1.0 / unit)
-    found = _refine(scaled, impacts, order, tolerance)
+    finest = _refine(scaled, impacts, order, tolerance)
     lengths = np.append([1.0, 1.0], np.full(2 * wheels.size, unit))
-    parts = {k: (w, m * lengths, v * lengths**2) for k, (w, m, v) in (found.parts or {}).items()}
-    at = partial(_in_unit, found.at, unit)
+    parts = {k: (w, m * lengths, v * lengths**2) for k, (w, m, v) in (finest.parts or {}).items()}
+    at = partial(_in_unit, finest.at, unit)
     # of mean, sd and skewness
     units = np.array([lengths, lengths, np.ones(lengths.size)])[:, None]
-    followed = None if found.followed is None else found.followed * units
+    followed = None if finest.followed is None else finest.followed * units
     return replace(
-        found, mean=found.mean * unit, sd=found.sd * lengths, parts=parts, at=at, followed=followed
+        finest,
+        mean=finest.mean * unit,
+        sd=finest.sd * lengths,
+        parts=parts,
+        at=at,
+        followed=followed,
     )
 
 
@@ -96,19 +101,19 @@ def _refine(scene: Scene, impacts: int, order: int, tolerance: float | None) -> 
     """`trace` in the scene's own unit of length: from level to level, each bounded by its change
     from the last one."""
     first = len(RESOLUTIONS) - 2 if tolerance is None else 0
-    found = _trace(scene, impacts, order, RESOLUTIONS[first])
+    finest = _trace(scene, impacts, order, RESOLUTIONS[first])
     for level in RESOLUTIONS[first + 1 :]:
-        coarse = found
-        found = _trace(scene, impacts, order, level)
-        error = bounds(coarse, found)
-        found = replace(found, error=error, flown=coarse.flown + found.flown)
+        coarse = finest
+        finest = _trace(scene, impacts, order, level)
+        error = bounds(coarse, finest)
+        finest = replace(finest, error=error, flown=coarse.flown + finest.flown)
         if tolerance is None:
             continue
         # slow impacts alone put the bounds above the tolerance: more components would not help
-        hopeless = found.slow is not None and ERROR_PER_SLOW_SHARE * found.slow.max() > tolerance
-        if within(error, tolerance)[1 : found.found + 1].all() or hopeless:
+        hopeless = finest.slow is not None and ERROR_PER_SLOW_SHARE * finest.slow.max() > tolerance
+        if within(error, tolerance)[1 : finest.found + 1].all() or hopeless:
             break
-    return found
+    return finest
 
 
 def _trace(scene: Scene, impacts: int, order: int, level: Level) -> Trace:
@@ -118,24 +123,24 @@ def _trace(scene: Scene, impacts: int, order: int, level: Level) -> Trace:
     run = at.run
     states = orbit.before.shape[1]
     records = Records(impacts + 1, states, Impacts.of(orbit).until(0))
-    found = impacts
+    reached = impacts
     for k in range(1, impacts + 1):
-        own = int(orbit.mesh[k] * orbit.side[k])
+        code = int(orbit.mesh[k] * orbit.side[k])
         at.fly()
         section = run.buffers.image.section
         flown = slice(2 * run.flown)
         struck = (section.weight[flown] != 0.0) & (section.label[flown] != 0)
-        run.strike(own)
+        run.strike(code)
         records.add_flight(k, run)
         if run.kept == 0 or run.discarded > 0.5:
-            found = k - 1
+            reached = k - 1
             break
         records.add_impact(k, run, struck)
         run.merge()
     stopped = (
         ""
-        if found == impacts
-        else f"more than half of the probability is discarded after impact {found}"
+        if reached == impacts
+        else f"more than half of the probability is discarded after impact {reached}"
     )
     known = records.known
     return Trace(
@@ -148,7 +153,7 @@ def _trace(scene: Scene, impacts: int, order: int, level: Level) -> Trace:
         unknown(impacts + 1, states, states),
         unknown(impacts + 1, states // 2, order + 1, order + 1),
         at,
-        found,
+        reached,
         stopped,
         records.parts,
         agreement=records.agreement,

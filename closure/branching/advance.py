@@ -116,9 +116,9 @@ def _slow(c: Constants, e: Floats, t: float, code: int, before: Floats) -> float
     i = abs(code) - 1
     rate = noise_rate(c, e[0] + t, i)
     speed = before[2 * i + 1]
-    own = c.wheels[i].shaking
+    shaking = c.wheels[i].shaking
     square = c.sigma * c.sigma
-    made = square * rate * rate * t + square * own * own * t
+    made = square * rate * rate * t + square * shaking * shaking * t
     return made / (made + speed * speed) if made > 0.0 else 0.0
 
 

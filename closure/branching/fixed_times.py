@@ -269,16 +269,16 @@ class FixedTimes:
         share = weight / total
         centre = mean[0] + share @ (mean - mean[0])
         off = mean - centre
-        found = np.einsum("n,nij->ij", share, covariance) + np.einsum(
+        covariances = np.einsum("n,nij->ij", share, covariance) + np.einsum(
             "n,ni,nj->ij", share, off, off
         )
         # of noise taken back, rounding is left
-        return centre, semidefinite(found, np.sqrt(np.abs(np.diagonal(found))))
+        return centre, semidefinite(covariances, np.sqrt(np.abs(np.diagonal(covariances))))
 
     def gaussians(self, time: float) -> tuple[Floats, Floats, Floats]:
         """The mixture of states at a local time: weights, means and covariances; the weights sum to
         nearly 1."""
-        found = []
+        mixtures = []
         states = len(self.start)
         for k in range(self.most):
             if k == len(self.flights) and not self._follow():
@@ -288,10 +288,10 @@ class FixedTimes:
             mean = np.zeros((n, states))
             covariance = np.zeros((n, states, states))
             started = _add(self.constants, self.flights[k], time, weight, mean, covariance)
-            found.append((weight[weight > 0.0], mean[weight > 0.0], covariance[weight > 0.0]))
+            mixtures.append((weight[weight > 0.0], mean[weight > 0.0], covariance[weight > 0.0]))
             if started < MOST_BEYOND_LAST_FLIGHT:
                 break
-        return tuple(np.concatenate(a) for a in zip(*found, strict=True))  # type: ignore[return-value]
+        return tuple(np.concatenate(a) for a in zip(*mixtures, strict=True))  # type: ignore[return-value]
 
     def fly(self) -> None:
         """One more flight of the closure, which is kept."""

@@ -70,12 +70,12 @@ def _by_label(label: Ints, count: int) -> Ints:
         lowest = min(lowest, label[i])
         highest = max(highest, label[i])
     order = np.empty(count, np.int64)
-    found = 0
+    placed = 0
     for value in range(lowest, highest + 1):
         for i in range(count):
             if label[i] == value:
-                order[found] = i
-                found += 1
+                order[placed] = i
+                placed += 1
     return order
 
 

@@ -173,8 +173,8 @@ def _boundary(
     """
     little_code()
     direction = apply(axes, u)
-    found = event(c, beyond(centre, far, direction))[1]
-    if found == code:
+    other = event(c, beyond(centre, far, direction))[1]
+    if other == code:
         return np.inf, code
     low = near
     high = far
@@ -185,10 +185,10 @@ def _boundary(
             low = middle
         else:
             high = middle
-            found = met
-    if ignored & mark(c, found):
+            other = met
+    if ignored & mark(c, other):
         return np.inf, code
-    return max(high, 1e-3), found
+    return max(high, 1e-3), other
 
 
 @splice
@@ -218,10 +218,10 @@ def cut_plane(
     for ray in range(2 * rank):
         trial[:] = 0.0
         trial[ray // 2] = 1.0 if ray % 2 == 0 else -1.0
-        distance, found = _boundary(c, centre, axes, trial, code, ignored, 0.0, far)
+        distance, met = _boundary(c, centre, axes, trial, code, ignored, 0.0, far)
         if distance < nearest:
             nearest = distance
-            other = found
+            other = met
             put_row(u, trial)
     if other == code:
         return code, u
@@ -232,14 +232,14 @@ def cut_plane(
             trial[i] += 0.5
             length = norm(trial)
             put_scaled(trial, trial, length)
-            distance, found = _boundary(c, centre, axes, trial, code, ignored, 0.0, far)
-            q[i] = 2.0 * ((length / distance if found == other else 0.0) - 1.0 / nearest)
+            distance, met = _boundary(c, centre, axes, trial, code, ignored, 0.0, far)
+            q[i] = 2.0 * ((length / distance if met == other else 0.0) - 1.0 / nearest)
         length = norm(q)
         if length == 0.0:
             break
         put_scaled(trial, q, length)
-        distance, found = _boundary(c, centre, axes, trial, code, ignored, 0.0, far)
-        if not (found == other and distance < nearest):
+        distance, met = _boundary(c, centre, axes, trial, code, ignored, 0.0, far)
+        if not (met == other and distance < nearest):
             break
         nearest = distance
         put_row(u, trial)
@@ -408,8 +408,8 @@ def propagate(
     linear, curve = _derivatives(c, code, centre, axes, t, before)
     bend, u = _most_bent(linear, curve)
     straight = bend < SIGMA_POINT_RATIO**2
-    # own: derivative of the flight time
-    own = np.empty(rank)
+    # delay: derivative of the flight time
+    delay = np.empty(rank)
     image = apply(linear, u)
     # treat the most curved direction by two sigma points, at one sd to either side
     if not straight:
@@ -417,10 +417,10 @@ def propagate(
     tilt = dot(axes[0], u)
     v = apply(axes, u)
     for k in range(rank):
-        own[k] = linear[0, k] - axes[0, k] + (0.0 if straight else tilt * u[k])
+        delay[k] = linear[0, k] - axes[0, k] + (0.0 if straight else tilt * u[k])
     put(spread, times_transposed(linear, linear))
     put_row(to.crossing[at], apply(axes, linear[0]))
-    flight[1] = dot(own, own)
+    flight[1] = dot(delay, delay)
     if straight:
         for j in range(plain):
             trace = 0.0
