@@ -102,9 +102,9 @@ class Browser:
             " && [...document.querySelectorAll('figure img')].every(i => i.alt.trim().length > 0)"
         )
 
-    def complaints(self):
-        """What the page has logged and thrown, and the addresses it has asked for besides its
-        own."""
+    def complaints(self, own="data:"):
+        """What the page has logged and thrown, and the addresses it has asked for besides its own
+        and those that begin with `own`."""
         methods = ("Log.entryAdded", "Runtime.consoleAPICalled", "Runtime.exceptionThrown")
         said = [e["params"] for e in self.events if e["method"] in methods]
         asked = [
@@ -112,7 +112,7 @@ class Browser:
             for e in self.events
             if e["method"] == "Network.requestWillBeSent"
         ]
-        return said + [url for url in asked[1:] if not url.startswith("data:")]
+        return said + [url for url in asked[1:] if not url.startswith(("data:", own))]
 
     def size(self, width, height=900):
         self.call(

@@ -5,16 +5,12 @@ import re
 
 import pytest
 from markupsafe import Markup
-from sample_page import (
-    RECORD,
-    Report,
-    Table,
-    Terms,
-    as_html,
-    glossary,
-    of_numbers,
-    write_page,
-)
+from sample_page import RECORD, figures
+
+from rattle.compare.report.render import Terms, as_html, write_page
+from rattle.compare.report.report import Report
+from rattle.compare.report.table import Table, of_numbers
+from rattle.compare.report.texts import glossary
 
 GLOSSARY = (
     ("`published`", "as printed"),
@@ -47,17 +43,12 @@ def test_heads_say_all_their_terms_and_cells_that_are_one():
 @pytest.fixture(scope="module")
 def shown(tmp_path_factory, browser):
     folder = tmp_path_factory.mktemp("terms")
-    (folder / "a.svg").write_text(
-        '<svg xmlns="http://www.w3.org/2000/svg" width="640" height="200"/>'
-    )
-    table = Table.of(
-        ["closure", of_numbers("E τ"), of_numbers("sd y1")],
-        [["saltation", 0.1, 0.2], ["published", 0.3, 0.4]],
-    )
+    heads = ["closure", of_numbers("E τ"), of_numbers("sd y1")]
+    table = Table.of(heads, [["saltation", 0.1, 0.2], ["published", 0.3, 0.4]])
     words = glossary("closures", "sections", "verdicts", "σ")
     answer = ("Take `saltation` up to σ = 0.1.",)
     report = Report("report", "t", answer, RECORD, {"rows": table}, words, template="terms.j2")
-    write_page(report, folder)
+    write_page(report, figures(folder))
     return browser, folder / "report.html"
 
 
@@ -92,8 +83,7 @@ def test_the_head_of_a_column_sorts_and_explains(shown):
     browser.run("document.querySelectorAll('th button')[2].focus()")
     assert "standard deviation" in browser.run(f"{POPUP}.content")
     assert "velocities" in browser.run(f"{POPUP}.content")
-    assert (
-        browser.run("document.querySelectorAll('th [tabindex]').length") == 0
-    )  # the button is what is reached
+    # the button is what is reached
+    assert browser.run("document.querySelectorAll('th [tabindex]').length") == 0
     browser.press("Enter", 13)
     assert browser.run("document.querySelectorAll('[aria-sort]').length") == 1
