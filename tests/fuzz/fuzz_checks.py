@@ -5,7 +5,6 @@ import fuzz_sampled
 import numpy as np
 from fuzz_files import command
 from fuzz_must import FAINTEST, SLACK, has_verdicts, must, own, refused, semidefinite
-from numpy.lib.recfunctions import structured_to_unstructured
 
 from rattle import Scene, follow, mean_map, validate
 from rattle.closure import CLOSURES
@@ -38,15 +37,6 @@ def round_trip(scene, settings):
     """A scene is written to TOML and read back the same to the last bit."""
     again = Scene.from_toml(scene.to_toml())
     must(again == scene and repr(again) == repr(scene), "TOML changed the scene", scene)
-    c = scene.constants
-    numbers = [
-        c.alpha,
-        c.sigma,
-        c.memory,
-        *structured_to_unstructured(c.wheels).flat,
-        *map(np.ravel, c.drive),
-    ]
-    must(np.isfinite(np.hstack(numbers)), "compiled code gets", numbers)
     return "complete", ""
 
 

@@ -11,7 +11,7 @@ from fuzz_must import SIMPLE
 from scenes import dat21
 
 from rattle import Record, Scene, simulate
-from rattle.montecarlo import SCHEMES, Ensemble
+from rattle.montecarlo import Ensemble
 
 SIMPLE_SCENE = Scene.from_dict(SIMPLE)
 
@@ -77,11 +77,9 @@ def test_a_wrong_path_is_seen(column, value, run):
         fuzz_sampled.of_its_paths(SIMPLE_SCENE, raw, "exact-flight")
 
 
-@pytest.mark.parametrize("scheme", SCHEMES)
-def test_a_flight_without_noise_that_is_none_of_eq_3_is_seen(scheme):
+def test_an_exact_flight_without_noise_that_is_none_of_eq_3_is_seen():
     """A wrong speed, and an impact that was flown through: its two flights as one."""
-    given = {"scheme": scheme, "dt": 0.002, "paths": 1, "impacts": 6, "record": Record(raw=True)}
-    run = simulate(dat21(), **given)
+    run = simulate(dat21(), paths=1, impacts=6, record=Record(raw=True))
     fuzz_sampled.follows_the_flow(run)
     wrong = run.raw.copy()
     wrong[0, 2, 3] += 0.3
