@@ -31,6 +31,13 @@ NOISY = dat21(0.1)
 """With a rare branch at impact 3."""
 
 
+def largest_z(one, other, names):
+    """Largest difference of columns of two sections in standard errors."""
+    errors = [f"se_{name}" for name in names]
+    se = np.hypot(one[errors].to_numpy(), other[errors].to_numpy())
+    return np.abs((one[names] - other[names]).to_numpy() / se).max()
+
+
 def open_space(sigma, **changes):
     """DAT21 with walls so far off that nothing is met, from an arbitrary state in flight."""
     start = Start(0.3, 0.1, -0.4, -0.2, 0.5)
@@ -43,11 +50,11 @@ def step_normals(key, path, steps):
     return np.ravel([normals(key, word(path), word(n), word(STEP)) for n in range(steps // 4 + 1)])
 
 
-def bridge_normal(key, path, step, call, level=0):
+def bridge_normal(key, path, step, call):
     """The normal that splits an increment: of a call within the step that begins at finest step
     `step`."""
     index = np.uint64(step * 2**16 + call)
-    return normals(key, np.uint64(path), index, np.uint64(BRIDGE + level))[0]
+    return normals(key, np.uint64(path), index, np.uint64(BRIDGE))[0]
 
 
 def orbit_of(scene, impacts):
