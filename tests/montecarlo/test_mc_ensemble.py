@@ -28,8 +28,8 @@ def test_tables_have_the_columns_of_a_closure_and_their_errors(run):
     assert {*m.section, *errors, "paths", "agreement"} - set(run.section) == {"realizable"}
     fixed = run.at_times([2.0, 0.3])
     assert fixed.index.tolist() == pytest.approx([2.0, 0.3])
-    predicted = m.at_times([0.3])
-    assert {*predicted, *(f"se_{name}" for name in predicted), "se_z_rho2"} <= set(fixed)
+    predicted = {*m.at_times([0.3])}
+    assert predicted | {f"se_{name}" for name in predicted} | {"se_z_rho2"} <= {*fixed}
 
 
 def test_section_moments_are_those_of_the_kept_paths(run):

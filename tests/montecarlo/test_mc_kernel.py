@@ -5,15 +5,14 @@ those of the kernel.
 """
 
 import math
-from dataclasses import replace
 from functools import partial
 from itertools import count
 
 import numpy as np
 import pytest
-from mc_checks import DAMPED, bridge_normal, key_of, step_normals
+from mc_checks import bridge_normal, key_of, step_normals
 from oracle import gearbox
-from scenes import dat21
+from scenes import UNEQUAL, dat21
 from settings import EULER, LOCATED
 
 from rattle import Record, Scene, Start, simulate
@@ -39,7 +38,7 @@ TIGHT = Scene(
     start=Start(0.3, 0.05, 2.0, 0.0, -2.0, mesh=1),
 )
 KERNEL_CASES = {
-    "rough": (replace(DAMPED, sigma=0.8), 5e-3),
+    "rough": (UNEQUAL.with_sigma(0.8), 5e-3),
     "tight": (TIGHT, 0.99 * largest_step(TIGHT)[0]),
     "single": (dat21(0.7, stages=1), 1e-2),
 }

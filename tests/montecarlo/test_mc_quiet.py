@@ -26,15 +26,12 @@ CHATTER = Scene(
 )
 
 
-@pytest.fixture(scope="module")
-def runs():
+def test_a_tenth_of_the_impacts_gives_what_is_asked_for():
+    """Rates above a speed, speeds and energy; 5 % put in are noticed.  What is left out is
+    stated."""
     given = {"periods": 64, "paths": 16, "burn_in": 4}
-    return long_run(CHATTER, resolve=0.0, rng=1, **given), long_run(CHATTER, rng=2, **given)
-
-
-def test_a_tenth_of_the_impacts_gives_what_is_asked_for(runs):
-    """Rates above a speed, speeds and energy; 5 % put in are noticed."""
-    whole, part = runs
+    whole = long_run(CHATTER, resolve=0.0, rng=1, **given)
+    part = long_run(CHATTER, rng=2, **given)
     assert part.impacts < 0.3 * whole.impacts
     assert whole.left_out[1:] == (0.0, 0.0)
     for name in ("rate_above", "speed_above", "power", "power_mesh1", "power_mesh2"):
@@ -43,10 +40,6 @@ def test_a_tenth_of_the_impacts_gives_what_is_asked_for(runs):
         allowed = 4.0 * math.hypot(a.se, b.se)
         assert abs(b.value - a.value) < allowed, name
         assert abs(1.05 * b.value - a.value) > allowed, name  # negative control
-
-
-def test_what_is_left_out_is_stated(runs):
-    _, part = runs
     time, energy, above = part.left_out
     assert 0.1 < time < 1.0
     assert 0.0 < energy < 0.01
