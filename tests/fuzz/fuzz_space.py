@@ -132,11 +132,10 @@ def _deviation(n, gap):
     )
 
 
-def _tolerance(n, gaps, stages):
-    second = n.size(LEAST_SIZE, GAPS[1]) if stages == 1 and n.often(0.3) else _deviation(n, gaps[1])
+def _tolerance(n, gaps):
     return {
         "c1_max": _deviation(n, gaps[0]),
-        "c2_max": second,
+        "c2_max": _deviation(n, gaps[1]),
         "distribution": n.one("fixed", "uniform", "normal"),
         "draw": n.one("path", "contact"),
     }
@@ -179,9 +178,9 @@ def any_scene(n):
     scene["sigma"] = 0.0 if n.often(0.2) else lengths.size(LEAST_SIZE, LARGEST)
     deviations = (0.0, 0.0)
     if n.often(0.4):
-        scene["tolerance"] = tolerance = _tolerance(n, gaps, stages)
+        scene["tolerance"] = tolerance = _tolerance(n, gaps)
         deviations = tolerance["c1_max"], tolerance["c2_max"]
     if n.often(0.6):
-        free = gaps[0] - deviations[0], max(gaps[1] - deviations[1], 0.0)
+        free = gaps[0] - deviations[0], gaps[1] - deviations[1]
         scene["start"] = _start(n, lengths, stages, gaps, free)
     return data
