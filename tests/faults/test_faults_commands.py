@@ -70,10 +70,10 @@ def test_an_interrupt_ends_a_command_soon(command, tmp_path, monkeypatch):
     (tmp_path / "study.toml").write_text(study(impacts=2, paths=50_000_000, sigma=(0.1, 0.2)))
     monkeypatch.chdir(tmp_path)
     with start("-c", AT_WORK.format(words=command.split())) as running:
-        said = [running.stderr.readline()]
-        while LONG_COMMANDS[command] not in said[-1]:
-            said.append(running.stderr.readline())
-        running.send_signal(signal.SIGINT)
+        for said in running.stderr:
+            if LONG_COMMANDS[command] in said:
+                running.send_signal(signal.SIGINT)
+                break
         _, last = running.communicate()
     assert running.returncode == 130, last
     assert last.count("rattle: interrupted") == 1

@@ -52,14 +52,12 @@ def store(tmp_path):
 def test_such_a_cell_is_replaced(kind, wanted, store):
     """As a damaged cell is; it does not count as stored."""
     run(wanted.cells, store, Runner(1))
-    first, second = wanted.cells
+    first = wanted.cells[0]
     store.path(first).unlink()
     ENDLESS[kind](store.path(first))
     assert store.missing(wanted.cells) == ([] if kind == "sparse" else [first])
     assert run(wanted.cells, store, Runner(1)).computed == 1
     assert store.path(first).is_file()
-    assert store.path(first).stat().st_size < 2**20
-    assert store.read(second) is not None
 
 
 @pytest.mark.usefixtures("no_work")

@@ -49,7 +49,7 @@ def is_in_order(browser):
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 @pytest.mark.parametrize("width", [1280, 390])
 def test_loads_alone_and_fits(browser, page, width, scheme):
-    browser.open(page, width, scheme)
+    browser.open(page, width, scheme=scheme)
     assert is_in_order(browser)
     paper = browser.run("getComputedStyle(document.body).backgroundColor")
     assert (paper == "rgb(255, 255, 255)") == (scheme == "light")
@@ -121,10 +121,7 @@ def test_controls(browser, page, shown):
 
 def test_reduced_motion(browser, page):
     """Nothing moves unasked, and what is played goes from impact to impact."""
-    browser.open(page)
-    calm = [{"name": "prefers-reduced-motion", "value": "reduce"}]
-    browser.call("Emulation.setEmulatedMedia", media="screen", features=calm)
-    browser.reload()
+    browser.open(page, motion="reduce")
     assert later(browser, "[running, now]", 300) == [False, 0]
     browser.run("speed.value = '2', play.click()")
     times = browser.run(

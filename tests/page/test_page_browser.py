@@ -161,8 +161,7 @@ OPENING = """{
 
 def test_first_screen_has_advice_and_key_figure(browser, report):
     """The contents follow the table, which is linked; no table is cut at 1280 pixels."""
-    browser.open(report)
-    browser.size(1280, 800)
+    browser.open(report, height=800)
     assert browser.run(OPENING) == [True] * 5
 
 

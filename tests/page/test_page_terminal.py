@@ -81,7 +81,7 @@ def test_one_section_in_a_width(report):
     shown = show(report, "--section inner --width 60").stdout
     assert shown.startswith("Inner")
     assert "Yes:" not in shown
-    assert max(map(len, shown.splitlines())) <= 60
+    assert len(max(shown.splitlines(), key=len)) <= 60
 
 
 def test_what_cannot_be_shown(report, tmp_path):

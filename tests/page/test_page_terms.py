@@ -4,7 +4,6 @@ on a tap."""
 import re
 
 import pytest
-from markupsafe import Markup
 from sample_page import RECORD, figures
 
 from rattle.compare.report.render import Terms, as_html, write_page
@@ -18,26 +17,17 @@ GLOSSARY = (
     ("σ", "noise"),
     ("E, sd", "spread"),
 )
-MARKED = re.compile(r'<abbr title="([^"]*)"(?: tabindex="(-?\d)")?>(.*?)</abbr>')
+MARKED = re.compile(r'<abbr title="([^":]*)[^>]*>(.*?)</abbr>')
 
 
 def test_words_are_marked_once_in_a_text_and_names_only_in_code():
     text = "`published` results, published: sds of x1 and x1, not ax1 or x1-x2, at σ"
-    found = MARKED.findall(str(as_html(text, words=Terms(GLOSSARY).text)))
-    assert [(title.split(":")[0], word) for title, _, word in found] == [
+    assert MARKED.findall(str(as_html(text, words=Terms(GLOSSARY).text))) == [
         ("published", "published"),
         ("E, sd", "sds"),
         ("x1, x2", "x1"),
         ("σ", "σ"),
     ]
-
-
-def test_heads_say_all_their_terms_and_cells_that_are_one():
-    terms = Terms(GLOSSARY)
-    assert "x1, x2: position &lt;b&gt;" in terms.head("sd x2", Markup("sd x2"))
-    assert 'title="E, sd: spread; x1' in terms.head("sd x2", Markup("sd x2"))
-    assert 'title="published: as printed"' in terms.cell("published", Markup("published"))
-    assert terms.cell("published rule", Markup("published rule")) == "published rule"
 
 
 @pytest.fixture(scope="module")
