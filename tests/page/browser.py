@@ -102,17 +102,17 @@ class Browser:
             " && [...document.querySelectorAll('figure img')].every(i => i.alt.trim().length > 0)"
         )
 
-    def complaints(self, own="data:"):
-        """What the page has logged and thrown, and the addresses it has asked for besides its own
-        and those that begin with `own`."""
+    def asked(self):
+        """The addresses that the page has asked for, its own first."""
+        requests = [e for e in self.events if e["method"] == "Network.requestWillBeSent"]
+        return [event["params"]["request"]["url"] for event in requests]
+
+    def complaints(self):
+        """What the page has logged and thrown, and the addresses it has asked for besides its
+        own."""
         methods = ("Log.entryAdded", "Runtime.consoleAPICalled", "Runtime.exceptionThrown")
         said = [e["params"] for e in self.events if e["method"] in methods]
-        asked = [
-            e["params"]["request"]["url"]
-            for e in self.events
-            if e["method"] == "Network.requestWillBeSent"
-        ]
-        return said + [url for url in asked[1:] if not url.startswith(("data:", own))]
+        return said + [url for url in self.asked()[1:] if not url.startswith("data:")]
 
     def run(self, script):
         """The value of a script."""
