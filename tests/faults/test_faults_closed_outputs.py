@@ -34,30 +34,29 @@ def test_machine_code_is_compiled_without_standard_error(tmp_path):
     ) == (0, "2.5\n")
 
 
-@pytest.mark.parametrize("words", ["2>&-", "2>/dev/full"])
-def test_an_error_that_nobody_can_read_ends_the_command_as_it_would(words):
-    assert shell(words, "-c", MAIN, "simulate", "--paths", "-3") == (2, "")
+@pytest.mark.parametrize(
+    ("words", "command", "code"),
+    [
+        ("2>&-", "simulate --paths -3", 2),
+        ("2>/dev/full", "simulate --paths -3", 2),
+        ("2>&-", "simulate --nosuch", 2),
+        ("<&- >&- 2>&-", "--help", 0),
+    ],
+)
+def test_a_command_that_nobody_can_read_ends_as_it_would(words, command, code):
+    """And what would be said of an error does not go to standard output."""
+    assert shell(words, "-c", MAIN, *command.split()) == (code, "")
 
 
-def test_a_wrong_option_is_not_explained_on_standard_output():
-    assert shell("2>&-", "-c", MAIN, "simulate", "--nosuch") == (2, "")
+CLOSED = io.StringIO()
+CLOSED.close()
 
 
-def test_a_command_without_any_output_ends_well():
-    assert shell("<&- >&- 2>&-", "-c", MAIN, "--help") == (0, "")
-
-
-@pytest.fixture(params=["none", "closed"])
-def stderr(request, monkeypatch):
-    """No standard error, or one that is closed."""
-    stream = None if request.param == "none" else io.StringIO()
-    if request.param == "closed":
-        stream.close()
+@pytest.mark.parametrize("stream", [None, CLOSED])
+def test_progress_and_messages_go_nowhere_where_standard_error_cannot_be_written(
+    stream, capsys, monkeypatch
+):
     monkeypatch.setattr(sys, "stderr", stream)
-
-
-@pytest.mark.usefixtures("stderr")
-def test_progress_and_messages_go_nowhere_where_standard_error_cannot_be_written(capsys):
     print_on_stderr("something")
     assert not has_terminal()
     simulate(dat21(0.1), paths=64, impacts=1, rng=1, progress="paths")

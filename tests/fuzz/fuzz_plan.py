@@ -36,28 +36,28 @@ def _run(scheme):
 
     def settings(n, scene):
         biased = not exact and n.often(0.3)
-        paths = n.one(1, 2, 3, 31, 33, n.one(31, 33, 1000, 1030))
+        paths = n.one(1, 2, 3, 31, 33, 31, 33, 1000, 1030)
         impacts = n.count(64)
         longest = largest_step(scene, scheme)[0] / (4 if biased else 1)
-        least = max(n.one(1e-3 * longest, 1e-3 * longest, 1e-6 * longest), LEAST)
-        dt = None if n.often(0.4) else n.size(least, longest, zero=False)
+        shorter = max(longest * n.size(n.one(1e-3, 1e-3, 1e-6), 1.0, False), LEAST)
+        dt = n.one(None, shorter)
         step = default_step(scene, scheme, biased) if dt is None else dt
         horizon = step * n.size(1.0, WORK / paths, False)
         recorded = ("histogram", "batches", "energy")
         out = {name: n.often(0.3) for name in recorded} | {"step_bias": biased}
         coarsest = 4.0 * step if biased else step
         if n.often(0.3) and horizon > coarsest:
-            since = [n.size(coarsest, horizon, False) for _ in range(n.one(1, 1, 3))]
+            since = [n.size(coarsest, horizon, False) for _ in range(n.one(1, 3))]
             out["times"] = tuple(scene.start.tau + t for t in since)
         if exact:
             out["control"] = n.often(0.25)
         else:
-            out["increments"] = n.one("gaussian", "gaussian", "two-point")
+            out["increments"] = n.one("gaussian", "two-point")
         if n.often(0.2):
             codes = CODES[scene.stages]
             out["itineraries"] = {"mine": tuple(n.one(*codes) for _ in range(impacts))}
         own = {"paths": paths, "impacts": impacts, "dt": dt, "rng": n.seed(), "horizon": horizon}
-        return out | own | {"raw": n.often(0.8)}
+        return out | own
 
     return settings
 

@@ -49,9 +49,8 @@ class Numbers:
             return self.one(least, most)
         if least < LEAST_SIZE < most and self.often(0.5):
             least = LEAST_SIZE
-        return float(
-            min(max(10.0 ** self.stream.uniform(math.log10(least), math.log10(most)), least), most)
-        )
+        drawn = 10.0 ** self.stream.uniform(math.log10(least), math.log10(most))
+        return float(np.clip(drawn, least, most))
 
     def count(self, most):
         """A log-uniform whole number from 1 on."""
@@ -72,16 +71,11 @@ class _Lengths:
 
     def __init__(self, numbers):
         self.numbers = numbers
-        self.unit, self.near = numbers.one(
-            (None, 0.0), (numbers.size(*GAPS, zero=False), 300.0), (0.5, 4.0)
-        )
+        unit = numbers.size(*GAPS, zero=False)
+        self.low, self.high = numbers.one((0.0, math.inf), (unit / 300.0, unit * 300.0), (0.1, 2.0))
 
     def size(self, least, most, zero=True):
-        if self.unit is None:
-            return self.numbers.size(least, most, zero)
-        low = max(least, self.unit / self.near)
-        high = min(most, self.unit * self.near)
-        return self.numbers.size(low, high, zero)
+        return self.numbers.size(max(least, self.low), min(most, self.high), zero)
 
 
 def _share(n):
@@ -93,45 +87,41 @@ def _share(n):
     )
 
 
-def _damping(n, tame):
-    return n.size(1e-3, 10.0) if tame else n.size(LEAST, LARGEST_DAMPING)
-
-
 def _plain(n, lengths, stages):
-    tame = lengths.unit is not None
+    damping = (1e-3, 10.0) if lengths.low else (LEAST, LARGEST_DAMPING)
+    beta1 = n.size(*damping)
     scene = {
         "alpha": lengths.size(LEAST_SIZE, LARGEST),
         "epsilon": _share(n),
-        "beta1": _damping(n, tame),
+        "beta1": beta1,
         "gamma1": lengths.size(LEAST_SIZE, LARGEST),
         "gap1": lengths.size(*GAPS, zero=False),
     }
     if stages == 2 or n.often(0.2):
-        beta1 = scene["beta1"]
-        scene["beta2"] = n.one(
-            beta1, min(math.nextafter(beta1, math.inf), 1e4), *(_damping(n, tame) for _ in range(6))
-        )
-        scene["gamma2"] = lengths.size(LEAST_SIZE, LARGEST)
-        scene["gap2"] = n.one(scene["gap1"], *(lengths.size(*GAPS, zero=False) for _ in range(3)))
+        other = n.size(*damping)
+        next_one = min(math.nextafter(beta1, math.inf), LARGEST_DAMPING)
+        other_gap = lengths.size(*GAPS, zero=False)
         near_one = 1.0 - n.size(2.0**-53, 0.5, zero=False)
-        scene["mu"] = n.one(
-            n.size(LEAST_SIZE, BELOW_ONE, zero=False), near_one, n.stream.uniform(0.1, 0.9)
-        )
+        small = n.size(LEAST_SIZE, BELOW_ONE, zero=False)
+        scene |= {
+            "beta2": n.one(beta1, next_one, *[other] * 6),
+            "gamma2": lengths.size(LEAST_SIZE, LARGEST),
+            "gap2": n.one(scene["gap1"], *[other_gap] * 3),
+            "mu": n.one(small, near_one, n.stream.uniform(0.1, 0.9)),
+        }
     return scene
 
 
-def _gears(n, scene):
-    """A gear pair of any size that makes about this scene."""
-    names = ("omega", "inertia1", "inertia2", "radius1", "radius2", "backlash1")
+def _gears(n):
+    """A gear pair of any size, dampings and drags up to those of a scene."""
     sizes = (1e-3, 1e3) if n.often(0.5) else SIZES
+    names = ("omega", "inertia1", "inertia2", "radius1", "radius2", "backlash1", "backlash2")
     pair = {name: n.size(*sizes, zero=False) for name in names}
     for i in (1, 2):
         momentum = 1e-3 * pair[f"inertia{i}"] * pair["omega"]
-        drag = momentum * pair["omega"] * pair["backlash1"] / pair[f"radius{i}"]
-        pair[f"damping{i}"] = min(momentum * scene[f"beta{i}"], SIZES[1])
-        pair[f"torque{i}"] = min(drag * scene[f"gamma{i}"], SIZES[1])
-    pair["backlash2"] = min(max(2.0 * scene["gap2"] * pair["backlash1"], SIZES[0]), SIZES[1])
-    return pair | {"alpha": scene["alpha"], "epsilon": scene["epsilon"]}
+        pair[f"damping{i}"] = momentum * n.size(1e-3, LARGEST_DAMPING)
+        pair[f"torque{i}"] = momentum * pair["omega"] * n.size(1e-3, 1.0)
+    return pair
 
 
 def _deviation(n, gap):
@@ -142,11 +132,10 @@ def _deviation(n, gap):
     )
 
 
-def _tolerance(n, gaps, stages):
-    second = n.size(LEAST_SIZE, GAPS[1]) if stages == 1 and n.often(0.3) else _deviation(n, gaps[1])
+def _tolerance(n, gaps):
     return {
         "c1_max": _deviation(n, gaps[0]),
-        "c2_max": second,
+        "c2_max": _deviation(n, gaps[1]),
         "distribution": n.one("fixed", "uniform", "normal"),
         "draw": n.one("path", "contact"),
     }
@@ -181,17 +170,17 @@ def any_scene(n):
     data = {"scene": scene}
     gaps = scene["gap1"], scene.get("gap2", 0.5)
     if stages == 2 and n.often(0.1):
-        pair = _gears(n, scene)
-        data = {"gears": pair, "scene": {}}
+        pair = _gears(n)
+        data = {"gears": pair | {name: scene[name] for name in ("alpha", "epsilon")}, "scene": {}}
         gaps = 0.5, pair["backlash2"] / (2.0 * pair["backlash1"])
     scene = data["scene"]
     scene["stages"] = stages
     scene["sigma"] = 0.0 if n.often(0.2) else lengths.size(LEAST_SIZE, LARGEST)
     deviations = (0.0, 0.0)
     if n.often(0.4):
-        scene["tolerance"] = tolerance = _tolerance(n, gaps, stages)
+        scene["tolerance"] = tolerance = _tolerance(n, gaps)
         deviations = tolerance["c1_max"], tolerance["c2_max"]
     if n.often(0.6):
-        free = gaps[0] - deviations[0], max(gaps[1] - deviations[1], 0.0)
+        free = gaps[0] - deviations[0], gaps[1] - deviations[1]
         scene["start"] = _start(n, lengths, stages, gaps, free)
     return data

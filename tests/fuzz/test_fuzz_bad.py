@@ -15,9 +15,18 @@ from fuzz_must import refused
 from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 from scenes import dat21
-from settings import recorded
 
-from rattle import Scene, Study, load_study, mean_map, simulate, simulate_to, validate
+from rattle import (
+    Record,
+    Sampling,
+    Scene,
+    Study,
+    load_study,
+    mean_map,
+    simulate,
+    simulate_to,
+    validate,
+)
 from rattle.scene import RattleError
 
 DAT = dat21(0.1)
@@ -69,39 +78,41 @@ ANYTHING = st.sampled_from(
 """What nothing here takes, and numbers that one field takes and another does not."""
 
 
+SIMULATE = partial(simulate, DAT, paths=32, impacts=1, sampling=Sampling(horizon=5.0))
+
+
+def record(**settings):
+    return SIMULATE(record=Record(**settings))
+
+
+def of_two_impacts(method, **settings):
+    return getattr(mean_map(DAT, impacts=2), method)(**settings)
+
+
+def sample(**settings):
+    return SIMULATE(sampling=Sampling(**settings))
+
+
 CALLS = {
-    ("impacts", "closure", "order"): lambda **k: mean_map(DAT, **({"impacts": 1} | k)),
-    (
-        "paths",
-        "impacts",
-        "dt",
-        "scheme",
-        "rng",
-        "workers",
-        "times",
-        "itineraries",
-        "increments",
-        "horizon",
-    ): (lambda **k: simulate(DAT, **recorded({"paths": 32, "impacts": 1, "horizon": 5.0} | k))),
-    ("accuracy", "impacts", "scheme", "rng", "workers", "budget"): (
-        lambda **k: simulate_to(DAT, **({"accuracy": 0.5, "impacts": 1, "budget": 2.0} | k))
+    "impacts closure order": partial(mean_map, DAT, impacts=1),
+    "paths impacts dt scheme rng workers": SIMULATE,
+    "times itineraries": record,
+    "increments horizon": sample,
+    "accuracy impacts scheme rng workers budget": partial(
+        simulate_to, DAT, accuracy=0.5, impacts=1, budget=2.0
     ),
-    ("impacts", "closures", "paths", "dt", "scheme", "rng", "workers", "order"): (
-        lambda **k: validate(DAT, **({"impacts": 1, "paths": 64, "closures": ["corrected"]} | k))
+    "impacts closures paths dt scheme rng workers order": partial(
+        validate, DAT, impacts=1, paths=64, closures=["corrected"]
     ),
-    ("sigma",): DAT.with_sigma,
-    ("times",): lambda **k: mean_map(DAT, impacts=2).at_times(**k),
-    ("impact", "quantity"): (
-        lambda **k: mean_map(DAT, impacts=2).density(
-            **{"impact": 1, "quantity": "y1", "values": np.zeros(1)} | k
-        )
+    "sigma": DAT.with_sigma,
+    "times": partial(of_two_impacts, "at_times"),
+    "impact quantity": partial(
+        of_two_impacts, "density", impact=1, quantity="y1", values=np.zeros(1)
     ),
-    ("impact", "stage"): lambda **k: mean_map(DAT, impacts=2).edgeworth(
-        **{"impact": 1, "stage": 1} | k
-    ),
-    ("text",): Scene.from_toml,
-    ("path",): Scene.load,
-    ("data",): Scene.from_dict,
+    "impact stage": partial(of_two_impacts, "edgeworth", impact=1, stage=1),
+    "text": Scene.from_toml,
+    "path": Scene.load,
+    "data": Scene.from_dict,
 }
 """Public calls by the settings that they take."""
 STUDY_CALLS = {"path": (Study.load, load_study), "text": (Study.from_toml,)}
@@ -109,7 +120,7 @@ STUDY_CALLS = {"path": (Study.load, load_study), "text": (Study.from_toml,)}
 
 @pytest.mark.filterwarnings("ignore::rattle.montecarlo.AccuracyWarning")
 @tried(
-    place=st.sampled_from([(names, name) for names in CALLS for name in names]),
+    place=st.sampled_from([(names, name) for names in CALLS for name in names.split()]),
     value=ANYTHING,
     inputs=150,
 )

@@ -3,7 +3,6 @@ them."""
 
 from functools import partial
 
-import numpy as np
 import pytest
 from refusals import refusal
 from scenes import dat21
@@ -44,19 +43,11 @@ def test_clock_times_end_with_the_orbit_and_not_with_its_shifted_mean():
     assert len(m.at_times([0.5 * last])) == 1
 
 
-@pytest.mark.parametrize("closure", ["saltation", "branching"])
-def test_a_displacement_on_its_wall_has_no_density(closure):
-    m = mean_map(dat21(), impacts=1, closure=closure)
-    assert m.density(1, "x1", np.array([0.0])) is None
-
-
 @pytest.mark.parametrize("paths", [2, 3])
 def test_a_control_of_few_paths_is_none(paths):
     """Three coefficients through three paths leave an error of 1e-10."""
-    settings = {"paths": paths, "impacts": 1, "scheme": "exact-flight", "dt": 0.01}
-    with_control, without = (
-        simulate(dat21(0.1), **settings, sampling=Sampling(control=c)).section
-        for c in (True, False)
-    )
-    assert with_control["se_y1"].to_list() == pytest.approx(without["se_y1"].to_list(), rel=1e-12)
-    assert with_control["se_y1"].loc[1] > 1e-4
+    given = {"paths": paths, "impacts": 1, "dt": 0.01}
+    controlled = simulate(dat21(0.1), sampling=Sampling(control=True), **given).section
+    plain = simulate(dat21(0.1), **given).section
+    assert controlled["se_y1"].to_list() == pytest.approx(plain["se_y1"].to_list(), rel=1e-12)
+    assert controlled["se_y1"].loc[1] > 1e-4

@@ -11,16 +11,11 @@ from oracle import gearbox
 from scenes import ORDERS
 
 from rattle import Record, Sampling, Scene, simulate
-from rattle.montecarlo import SCHEMES
 from rattle.scene import state_names
 
 
 @pytest.mark.parametrize(
-    "scheme",
-    [
-        pytest.param(name, marks=pytest.mark.slow) if SCHEMES[name].has_step_bias else name
-        for name in SCHEMES
-    ],
+    "scheme", ["exact-flight", pytest.param("euler-maruyama", marks=pytest.mark.slow)]
 )
 @pytest.mark.parametrize("theta", [0.05, 1.0])
 def test_without_walls_the_covariance_is_that_of_the_linear_system(scheme, theta):

@@ -6,17 +6,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from limits import agrees
-from mc_checks import DAMPED, TOLERANT, UNEQUAL_GAPS
-from scenes import FOUR, dat21
+from mc_checks import TOLERANT
+from scenes import FOUR, UNEQUAL, dat21
 from settings import STEP_BIAS
 
 from rattle import simulate
 
 LEVELS = {
     "DAT21": dat21(0.05),
-    "unequal gaps": UNEQUAL_GAPS.with_sigma(1.2),
+    "unequal": UNEQUAL.with_sigma(1.2),
     "redrawn walls": TOLERANT.with_sigma(0.5),
-    "damped": DAMPED.with_sigma(0.5),
 }
 
 

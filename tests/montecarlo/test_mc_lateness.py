@@ -10,16 +10,19 @@ from rattle.montecarlo.statistics.section_statistics import extrapolate
 LATE_SCENE = dat21(0.01)
 
 
+def errors(run, truth):
+    """Rows of the means of a run; their errors, and what four standard errors explain of them."""
+    rows, exact = (one.step_bias.query("moment == 'mean'") for one in (run, truth))
+    by_chance = 4.0 * np.hypot(rows["se_corrected"], exact["se_corrected"]) + 1e-12
+    return rows, np.abs(rows["corrected"] - exact["corrected"]), by_chance
+
+
 def test_the_rest_covers_what_late_detection_does():
     """All 24 means, within four standard errors beside the bound; without the bound some are far
     outside."""
-    run = rt.simulate(
-        LATE_SCENE, paths=20_000, impacts=4, dt=1.8e-3, scheme="euler-maruyama", rng=1
-    )
-    exact = rt.simulate(LATE_SCENE, paths=20_000, impacts=4, rng=1)
-    rows, truth = (one.step_bias.query("moment == 'mean'") for one in (run, exact))
-    error = np.abs(rows["corrected"] - truth["corrected"])
-    by_chance = 4.0 * np.hypot(rows["se_corrected"], truth["se_corrected"]) + 1e-12
+    given = {"paths": 20_000, "impacts": 4, "rng": 1}
+    run = rt.simulate(LATE_SCENE, dt=1.8e-3, scheme="euler-maruyama", **given)
+    rows, error, by_chance = errors(run, rt.simulate(LATE_SCENE, **given))
     assert (error <= rows["rest"] + by_chance).all()
     late = run.lateness.T.ravel()  # the rows go quantity by quantity
     extrapolated = rows["rest"] - late - np.abs(rows["bias"])
@@ -45,23 +48,15 @@ def test_much_noise_smooths_it():
 def test_the_rest_covers_what_extrapolation_misses_in_a_flight_of_few_steps():
     """Nearly no noise, and a first flight of about five steps, at 16 steps: the mean impacts within
     four standard errors and the rest; what three step sizes tell alone misses some."""
+    body = Wheel(gamma=1.0, one_sided=True, gap=0.0)
+    start = Start(0.5, -0.1, 1.0)
+    scene = Scene(alpha=1.0, epsilon=0.8, sigma=1e-6, wheels=[body], noise=1, start=start)
+    given = {"paths": 256, "impacts": 1, "rng": 1}
+    truth = rt.simulate(scene, **given)
     missed = 0
-    for number in range(16):
-        scene = Scene(
-            alpha=1.0,
-            epsilon=0.8,
-            sigma=1e-6,
-            wheels=[Wheel(gamma=1.0, one_sided=True, gap=0.0)],
-            noise=1,
-            start=Start(0.5, -0.1, 1.0),
-        )
-        given = {"paths": 256, "impacts": 1, "rng": 1}
-        truth = rt.simulate(scene, **given).step_bias.query("moment == 'mean'")
-        dt = (0.019 + 1e-4 * number) * truth["corrected"].iloc[1] / 0.1
+    for dt in np.linspace(0.19, 0.205, 16) * truth.section["flight"][1]:
         run = rt.simulate(scene, dt=dt, scheme="euler-maruyama-located", **given)
-        rows = run.step_bias.query("moment == 'mean'")
-        error = np.abs(rows["corrected"] - truth["corrected"])
-        by_chance = 4.0 * np.hypot(rows["se_corrected"], truth["se_corrected"]) + 1e-12
+        rows, error, by_chance = errors(run, truth)
         assert (error <= rows["rest"] * (1.0 + 1e-9) + by_chance).all()
         means = extrapolate(run.result.sums["fine_coarse"], run.result.sums["coarse_coarser"])
         missed += (error > means["mean"].rest[0] + by_chance).any()

@@ -2,11 +2,12 @@
 increments."""
 
 import math
+from itertools import product
 
 import numpy as np
 import pytest
-from limits import agrees
-from mc_checks import for_python
+from limits import limit
+from mc_checks import for_python, largest_z
 from scenes import dat21
 
 from rattle import Sampling, simulate
@@ -21,7 +22,6 @@ FULL = 0xFFFFFFFF
 
 # kat_vectors of Random123: counter, key, output
 KNOWN = [
-    ((0, 0, 0, 0), (0, 0), (0x6627E8D5, 0xE169C58D, 0xBC57AC4C, 0x9B00DBD8)),
     ((FULL,) * 4, (FULL,) * 2, (0x408F276D, 0x41C83B0E, 0xA20BC7C6, 0x6D5451FD)),
     (
         (0x243F6A88, 0x85A308D3, 0x13198A2E, 0x03707344),
@@ -57,32 +57,24 @@ def box_muller(high, low):
     return radius * math.cos(angle) * (-1.0 if low >> 31 else 1.0), radius * math.sin(angle)
 
 
-def furthest_pair(highs, lows, fault=1.0):
-    """Largest difference of a pair from the reference, over one or the normal's size."""
-    worst = 0.0
-    for high, low in zip(highs, lows, strict=True):
-        for a, b in zip(pair(U(high), U(low)), box_muller(high, low), strict=True):
-            worst = max(worst, abs(fault * a - b) / max(1.0, abs(b)))
-    return worst
-
-
 def test_normals_of_extreme_and_common_words_are_those_of_the_c_library():
-    highs, lows = np.array([(h, w) for h in EXTREME for w in EXTREME]).T.tolist()
+    """Errors over one or the normal's size; one of 1e-9 is seen."""
     # where the exponent of the uniform number changes
-    powers = [2**k + d for k in range(1, 32) for d in (-1, 0)]
-    common = np.random.default_rng(2).integers(0, 2**32, (2, 3000)).tolist()
-    highs = highs + powers + common[0]
-    lows = lows + [12345] * len(powers) + common[1]
-    assert furthest_pair(highs, lows) < POLYNOMIAL_ERROR
-    assert furthest_pair(highs, lows, fault=1.0 + 1e-9) > POLYNOMIAL_ERROR
+    powers = [(2**k + d, 12345) for k in range(1, 32) for d in (-1, 0)]
+    common = np.random.default_rng(2).integers(0, 2**32, (3000, 2)).tolist()
+    both = [*product(EXTREME, EXTREME), *powers, *common]
+    truth = np.array([box_muller(high, low) for high, low in both])
+    found = np.array([pair(U(high), U(low)) for high, low in both])
+    size = np.maximum(1.0, np.abs(truth))
+    assert np.abs((found - truth) / size).max() < POLYNOMIAL_ERROR
+    assert np.abs(((1.0 + 1e-9) * found - truth) / size).max() > POLYNOMIAL_ERROR
 
 
 def test_section_moments_are_those_of_gaussian_increments():
+    """Three percent more are noticed."""
     given = {"paths": 30_000, "impacts": 4, "dt": 2e-3, "scheme": "euler-maruyama-located"}
     two_point = Sampling(increments="two-point")
     two = simulate(dat21(1.0), sampling=two_point, rng=1, **given).section
     normal = simulate(dat21(1.0), rng=2, **given).section
-    for name in ("tau", "y1", "y2", "sd_tau", "sd_y1", "sd_y2"):
-        error = np.hypot(two["se_" + name], normal["se_" + name])
-        assert agrees(two[name], normal[name], error)
-        assert not agrees(1.03 * two[name], normal[name], error)
+    names = ["tau", "y1", "y2", "sd_tau", "sd_y1", "sd_y2"]
+    assert largest_z(two, normal, names) < limit(24) < largest_z(1.03 * two, normal, names)

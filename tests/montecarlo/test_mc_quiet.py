@@ -26,15 +26,12 @@ CHATTER = Scene(
 )
 
 
-@pytest.fixture(scope="module")
-def runs():
+def test_a_tenth_of_the_impacts_gives_what_is_asked_for():
+    """Rates above a speed, speeds and energy; 5 % put in are noticed.  What is left out is
+    stated."""
     given = {"periods": 64, "paths": 16, "burn_in": 4}
-    return long_run(CHATTER, resolve=0.0, rng=1, **given), long_run(CHATTER, rng=2, **given)
-
-
-def test_a_tenth_of_the_impacts_gives_what_is_asked_for(runs):
-    """Rates above a speed, speeds and energy; 5 % put in are noticed."""
-    whole, part = runs
+    whole = long_run(CHATTER, resolve=0.0, rng=1, **given)
+    part = long_run(CHATTER, rng=2, **given)
     assert part.impacts < 0.3 * whole.impacts
     assert whole.left_out[1:] == (0.0, 0.0)
     for name in ("rate_above", "speed_above", "power", "power_mesh1", "power_mesh2"):
@@ -43,10 +40,6 @@ def test_a_tenth_of_the_impacts_gives_what_is_asked_for(runs):
         allowed = 4.0 * math.hypot(a.se, b.se)
         assert abs(b.value - a.value) < allowed, name
         assert abs(1.05 * b.value - a.value) > allowed, name  # negative control
-
-
-def test_what_is_left_out_is_stated(runs):
-    _, part = runs
     time, energy, above = part.left_out
     assert 0.1 < time < 1.0
     assert 0.0 < energy < 0.01
@@ -54,60 +47,43 @@ def test_what_is_left_out_is_stated(runs):
     assert part.quiet == 0.0125
 
 
-PRESSED_WHEEL = Wheel(beta=0.0, gamma=3.0, gap=0.5)
-CHAIN = (
-    PRESSED_WHEEL,
-    replace(PRESSED_WHEEL, parent=1, mass=0.7),
-    replace(PRESSED_WHEEL, parent=2, mass=1.3),
+WHEEL = Wheel(gamma=3.0, gap=0.5, epsilon=0.5)
+SECOND = replace(WHEEL, mass=0.7)
+THIRD = replace(WHEEL, mass=1.3)
+QUIET = Scene(
+    alpha=1.0, sigma=0.05, wheels=(WHEEL, replace(SECOND, parent=1), replace(THIRD, parent=2))
 )
-STAR = (
-    PRESSED_WHEEL,
-    replace(PRESSED_WHEEL, ratio=1.2, mass=0.7),
-    replace(PRESSED_WHEEL, ratio=0.8, mass=1.3),
-)
+STAR = (WHEEL, replace(SECOND, ratio=1.2), replace(THIRD, ratio=0.8))
+ELASTIC = replace(WHEEL, epsilon=0.9)
+LIFTED = (ELASTIC, replace(ELASTIC, parent=1, mass=1.5))
+PRESSED = {
+    "a chain": (QUIET, 3.0),
+    "three at the driver": (replace(QUIET, wheels=STAR), 1.0 + 1.2**2 * 0.7 + 0.8**2 * 1.3),
+    "two that noise lifts": (Scene(alpha=1.5, sigma=0.1, wheels=LIFTED), 2.5),
+}
+"""Wheels whose meshes are pressed shut, and the mass that the noise moves."""
 
 
-def lose(scene, moved, paths, periods):
-    """Number of impacts, and mean and standard error of the energy that meshes pressed shut lose,
-    over what the noise supplies (docs/model.md section 10) to so much mass."""
-    scales = no_scales(scene.stages, 0.1)
-    walk = Walk(scene, np.random.SeedSequence(3), 0, paths, quiet_of(scene, 0.1, None))
-    walk.follow(new_sums(paths, periods, scales, detail=False), periods=periods)
-    sums = new_sums(paths, periods, scales, detail=False)
-    walk.follow(sums, periods=periods)
-    share = sums.main[:, :, ENERGY].mean(axis=1) / (0.25 * scene.sigma**2 * moved * PERIOD)
-    return sums.main[:, :, NUMBER].sum(), share.mean(), share.std(ddof=1) / math.sqrt(paths)
-
-
-@pytest.mark.parametrize(
-    ("wheels", "moved"),
-    [(CHAIN, 3.0), (STAR, 1.0 + 1.2**2 * 0.7 + 0.8**2 * 1.3)],
-    ids=["a chain", "three at the driver"],
-)
-def test_the_noise_that_closed_meshes_take_up_is_energy_lost(wheels, moved):
-    pressed = Scene(alpha=1.0, epsilon=0.5, sigma=0.05, wheels=wheels)
-    impacts, lost, _ = lose(pressed, moved, paths=4, periods=4)
-    assert impacts == 0.0
-    assert lost == pytest.approx(1.0, rel=1e-3)
-
-
-def test_wheels_in_a_row_that_noise_lifts_lose_what_it_supplies():
-    """Nearly elastic and pressed shut by hardly more than the noise: held closed while the force in
-    mesh 1 exceeds the noise of one wheel alone, not of both, they lost 28 % less."""
-    pair = (
-        replace(PRESSED_WHEEL, epsilon=0.9),
-        replace(PRESSED_WHEEL, epsilon=0.9, parent=1, mass=1.5),
-    )
-    pressed = Scene(alpha=1.5, sigma=0.1, wheels=pair)
-    _, lost, se = lose(pressed, 2.5, paths=8, periods=8)
+@pytest.mark.parametrize("name", PRESSED)
+def test_the_noise_that_closed_meshes_take_up_is_energy_lost(name):
+    """Over what the noise supplies (docs/model.md section 10).  Nearly elastic and pressed shut by
+    hardly more than the noise, two wheels lost 28 % less: they were held closed while the force in
+    mesh 1 exceeded the noise of one wheel alone, not of both."""
+    scene, moved = PRESSED[name]
+    walk = Walk(scene, np.random.SeedSequence(3), 0, 8, quiet_of(scene, 0.1, None))
+    for _ in range(2):  # the second time from what the first one has found
+        sums = new_sums(8, 8, no_scales(scene.stages, 0.1), detail=False)
+        walk.follow(sums, periods=8)
+    lost = sums.main[:, :, ENERGY].mean(axis=1) / (0.25 * scene.sigma**2 * moved * PERIOD)
+    se = lost.std(ddof=1) / math.sqrt(8.0)
     assert se < 0.03
-    assert lost == pytest.approx(1.0, abs=4.0 * se)
+    assert lost.mean() == pytest.approx(1.0, abs=max(1e-3, 4.0 * se))
+    assert sums.main[:, :, NUMBER].any() == (name == "two that noise lifts")
 
 
 def count_impacts(*wheels):
     """Impacts of some paths, every one of them followed."""
-    scene = Scene(alpha=1.6, sigma=0.045, wheels=wheels)
-    walk = Walk(scene, np.random.SeedSequence(1), 0, 4)
+    walk = Walk(Scene(alpha=1.6, sigma=0.045, wheels=wheels), np.random.SeedSequence(1), 0, 4)
     sums = new_sums(4, 4, no_scales(len(wheels), 0.1), detail=False)
     walk.follow(sums, periods=4)
     return float(sums.main[:, :, NUMBER].sum())

@@ -74,23 +74,23 @@ class Browser:
         message, _, self._read = self._read.partition(b"\0")
         return json.loads(message)
 
-    def open(self, path, width=1280, scheme="light", medium="screen"):
+    def open(
+        self,
+        path,
+        width=1280,
+        height=900,
+        scheme="light",
+        medium="screen",
+        motion="no-preference",
+    ):
         """Open a file; the events since then are in `events`."""
         self.events.clear()
-        self.size(width)
-        features = [{"name": "prefers-color-scheme", "value": scheme}]
+        screen = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": width < 600}
+        self.call("Emulation.setDeviceMetricsOverride", **screen)
+        wishes = {"prefers-color-scheme": scheme, "prefers-reduced-motion": motion}
+        features = [{"name": name, "value": value} for name, value in wishes.items()]
         self.call("Emulation.setEmulatedMedia", media=medium, features=features)
         self.call("Page.navigate", url=Path(path).resolve().as_uri())
-        self.wait_for_load()
-
-    def reload(self):
-        """Open the file again."""
-        self.events.clear()
-        self.call("Page.reload")
-        self.wait_for_load()
-
-    def wait_for_load(self):
-        """Wait until a page has been loaded."""
         while not any(event["method"] == "Page.loadEventFired" for event in self.events):
             self.events.append(self._next())
 
@@ -102,26 +102,17 @@ class Browser:
             " && [...document.querySelectorAll('figure img')].every(i => i.alt.trim().length > 0)"
         )
 
+    def asked(self):
+        """The addresses that the page has asked for, its own first."""
+        requests = [e for e in self.events if e["method"] == "Network.requestWillBeSent"]
+        return [event["params"]["request"]["url"] for event in requests]
+
     def complaints(self):
         """What the page has logged and thrown, and the addresses it has asked for besides its
         own."""
         methods = ("Log.entryAdded", "Runtime.consoleAPICalled", "Runtime.exceptionThrown")
         said = [e["params"] for e in self.events if e["method"] in methods]
-        asked = [
-            e["params"]["request"]["url"]
-            for e in self.events
-            if e["method"] == "Network.requestWillBeSent"
-        ]
-        return said + [url for url in asked[1:] if not url.startswith("data:")]
-
-    def size(self, width, height=900):
-        self.call(
-            "Emulation.setDeviceMetricsOverride",
-            width=width,
-            height=height,
-            deviceScaleFactor=1,
-            mobile=width < 600,
-        )
+        return said + [url for url in self.asked()[1:] if not url.startswith("data:")]
 
     def run(self, script):
         """The value of a script."""
@@ -132,13 +123,7 @@ class Browser:
         return found["result"].get("value")
 
     def press(self, key, code):
-        for kind in ("keyDown", "keyUp"):
-            text = {"text": "\r"} if key == "Enter" and kind == "keyDown" else {}
-            self.call(
-                "Input.dispatchKeyEvent",
-                type=kind,
-                key=key,
-                code=key,
-                windowsVirtualKeyCode=code,
-                **text,
-            )
+        keys = {"key": key, "code": key, "windowsVirtualKeyCode": code}
+        text = {"text": "\r"} if key == "Enter" else {}
+        self.call("Input.dispatchKeyEvent", type="keyDown", **keys, **text)
+        self.call("Input.dispatchKeyEvent", type="keyUp", **keys)

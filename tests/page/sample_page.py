@@ -5,37 +5,9 @@ from pathlib import Path
 
 from jinja2 import ChoiceLoader, FileSystemLoader
 
-from rattle.compare.cli.terminal import read_sections
 from rattle.compare.report import render
-from rattle.compare.report.folder import linked_files, report_files
-from rattle.compare.report.render import Terms, as_html, html, markdown, split_code, write_page
 from rattle.compare.report.report import Report
-from rattle.compare.report.style import STYLE
-from rattle.compare.report.table import SIGNS_OF_MARKS, Table, TableCell, leading_number, of_numbers
-from rattle.compare.report.texts import glossary
-
-__all__ = [
-    "NASTY",
-    "RECORD",
-    "SIGNS_OF_MARKS",
-    "STYLE",
-    "Report",
-    "Table",
-    "Terms",
-    "as_html",
-    "figures",
-    "glossary",
-    "html",
-    "leading_number",
-    "linked_files",
-    "markdown",
-    "of_numbers",
-    "read_sections",
-    "report_files",
-    "sample",
-    "split_code",
-    "write_page",
-]
+from rattle.compare.report.table import Table, TableCell, of_numbers
 
 render.LOADER = ChoiceLoader([render.LOADER, FileSystemLoader(Path(__file__).parent)])
 

@@ -2,7 +2,11 @@
 styles."""
 
 import pytest
-from sample_page import NASTY, RECORD, Report, Table, figures, sample, write_page
+from sample_page import NASTY, RECORD, figures, sample
+
+from rattle.compare.report.render import write_page
+from rattle.compare.report.report import Report
+from rattle.compare.report.table import Table
 
 COLUMN = (
     "[...document.querySelectorAll('section table')[0].rows].slice(1).map(row =>"
@@ -13,18 +17,21 @@ ROW_NAMES = ["saltation", "published", "corrected", "branching", "other", "a pla
 ROW_NAMES += [f"row {i}" for i in range(6)]
 
 
+def written(tmp_path_factory, text):
+    """A page of the sample with a text."""
+    folder = figures(tmp_path_factory.mktemp("page") / "r")
+    write_page(sample(text), folder)
+    return folder / "report.html"
+
+
 @pytest.fixture(scope="module")
 def page(tmp_path_factory):
-    folder = figures(tmp_path_factory.mktemp("page") / "plain")
-    write_page(sample(), folder)
-    return folder / "report.html"
+    return written(tmp_path_factory, "a plain text")
 
 
 @pytest.fixture(scope="module")
 def nasty(tmp_path_factory):
-    folder = figures(tmp_path_factory.mktemp("page") / "nasty")
-    write_page(sample(NASTY + "long" * 60), folder)
-    return folder / "report.html"
+    return written(tmp_path_factory, NASTY + "long" * 60)
 
 
 @pytest.fixture(scope="module")
@@ -79,85 +86,83 @@ def test_sorts_words_from_the_keyboard(browser, page):
     assert browser.run("document.querySelectorAll('[aria-sort]').length") == 1
 
 
+FILTER = """(() => {{
+  const [box] = document.querySelectorAll('.filter input');
+  box.value = '{}';
+  box.dispatchEvent(new Event('input'));
+  const rows = [...document.querySelectorAll('section table')[0].tBodies[0].rows];
+  return [rows.filter(row => row.checkVisibility()).length,
+          document.querySelector('.filter span').textContent];
+}})()"""
+
+
 def test_filters_in_place(browser, page):
     browser.open(page)
-    assert (
-        browser.run("document.querySelectorAll('.filter').length") == 1
-    )  # the other tables are short
-    typed = (
-        "const box = document.querySelector('.filter input'); box.value = '{}';"
-        " box.dispatchEvent(new Event('input'))"
-    )
-    shown = (
-        "[...document.querySelectorAll('section table')[0].tBodies[0].rows].filter(r =>"
-        " r.checkVisibility()).length"
-    )
-    number_text = "document.querySelector('.filter span').textContent"
+    # the other tables are short
+    assert browser.run("document.querySelectorAll('.filter').length") == 1
     none = "No row of 12 has this word."
-    for words, rows, text in (("ROW 9", 6, "6 of 12 rows"), ("nothing", 0, none), ("", 12, "")):
-        browser.run("{" + typed.format(words) + "}")
-        assert browser.run(shown) == rows
-        assert browser.run(number_text) == text
+    for words, *shown in (("ROW 9", 6, "6 of 12 rows"), ("nothing", 0, none), ("", 12, "")):
+        assert browser.run(FILTER.format(words)) == shown
 
 
 def test_figures_are_enlarged_and_escape_closes(browser, page):
     browser.open(page)
     width = "document.querySelector('{} img').getBoundingClientRect().width"
+    opened = "document.querySelector('dialog').open"
     assert browser.run(width.format("section figure")) == 640
     browser.run("document.querySelector('section button.enlarge').click()")
-    assert browser.run("document.querySelector('dialog').open")
+    assert browser.run(opened)
     assert browser.run(width.format("dialog")) > 1000
     assert browser.run("document.querySelector('dialog img').alt") == "Shows a plain text"
     browser.press("Escape", 27)
-    assert not browser.run("document.querySelector('dialog').open")
+    assert not browser.run(opened)
 
 
-def luminance(browser, what, of):
-    """Luminance, 0 to 1, of a colour that the page has computed."""
-    colour = browser.run(f"getComputedStyle(document.querySelector('{what}'))['{of}']")
-    red, green, blue = (int(part) / 255.0 for part in colour.strip("rgba()").split(",")[:3])
-    linear = [
-        c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in (red, green, blue)
-    ]
-    return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
+COLOURS = """
+const luminance = (what, of) => {
+  const colour = getComputedStyle(document.querySelector(what))[of];
+  const [r, g, b] = colour.match(/[0-9.]+/g).map(part => part / 255)
+    .map(c => c <= 0.04045 ? c / 12.92 : ((c + 0.055) / 1.055) ** 2.4);
+  return 0.2126 * r + 0.7152 * g + 0.0722 * b;
+};
+const ground = luminance('body', 'backgroundColor');
+"""
+"""The luminance, 0 to 1, of a colour that the page has computed, and that of its paper."""
+READABLE = """{
+  const inks = ['body', 'a', 'td.good', 'td.bad', 'td.open'].map(s => luminance(s, 'color'));
+  const filter = kind => getComputedStyle(
+    document.querySelector(`img[src^='data:image/${kind}']`)).filter;
+  [ground < 0.05, luminance('figure img', 'backgroundColor'), filter('png'), filter('svg'),
+   Math.min(...inks.map(ink => (Math.max(ink, ground) + 0.05) / (Math.min(ink, ground) + 0.05)))];
+}"""
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_every_text_is_readable_by_day_and_by_night(browser, page, scheme):
     browser.open(page, scheme=scheme)
-    ground = luminance(browser, "body", "backgroundColor")
-    assert (ground < 0.05) == (scheme == "dark")
-    assert luminance(browser, "figure img", "backgroundColor") == 1.0
-    points, drawn = (
-        browser.run(
-            f"getComputedStyle(document.querySelector(\"img[src^='data:image/{kind}']\")).filter"
-        )
-        for kind in ("png", "svg")
-    )
-    assert points == "none"
+    dark, paper, points, drawn, contrast = browser.run(COLOURS + READABLE)
+    assert dark == (scheme == "dark")
+    assert (paper, points) == (1.0, "none")
     assert (drawn == "none") == (scheme == "light")
-    for what in ("body", "a", "td.good", "td.bad", "td.open"):
-        ink = luminance(browser, what, "color")
-        assert (max(ink, ground) + 0.05) / (min(ink, ground) + 0.05) > 4.5, (
-            what
-        )  # WCAG 2.2, level AA
+    assert contrast > 4.5  # WCAG 2.2, level AA
+
+
+OPENING = """{
+  const [answer, table, key, contents, links] = ['.advice', 'main > .scroll', 'figure img', 'nav',
+    'a[href="table.csv"]'].map(s => document.querySelector(s));
+  const bottom = key.getBoundingClientRect().bottom;
+  document.querySelectorAll('details').forEach(folded => { folded.open = true; });
+  [answer.textContent.startsWith('For this gear pair '), bottom < 800,
+   table.compareDocumentPosition(contents) === 4, links !== null,
+   [...document.querySelectorAll('main .scroll')].every(
+     box => box.scrollWidth <= box.clientWidth + 1)];
+}"""
 
 
 def test_first_screen_has_advice_and_key_figure(browser, report):
-    browser.open(report)
-    browser.size(1280, 800)
-    assert browser.run("document.querySelector('.advice').textContent").startswith(
-        "For this gear pair "
-    )
-    assert browser.run("document.querySelector('figure img').getBoundingClientRect().bottom") < 800
-    follows = "document.querySelector('main > .scroll').compareDocumentPosition({})"
-    contents = "document.querySelector('nav')"
-    assert browser.run(follows.format(contents)) == 4  # the contents follow the table
-    assert browser.run("document.querySelectorAll('a[href=\"table.csv\"]').length") >= 1
-    browser.run("document.querySelectorAll('details').forEach(folded => { folded.open = true; })")
-    cut = "box => box.scrollWidth > box.clientWidth + 1"
-    # no table is cut at 1280 pixels
-    assert not browser.run(f"[...document.querySelectorAll('main .scroll')].some({cut})")
+    """The contents follow the table, which is linked; no table is cut at 1280 pixels."""
+    browser.open(report, height=800)
+    assert browser.run(OPENING) == [True] * 5
 
 
 def test_long_folded_tables_are_not_printed_and_say_so(browser, tmp_path):
@@ -172,23 +177,20 @@ def test_long_folded_tables_are_not_printed_and_say_so(browser, tmp_path):
 
 def test_print_is_light_opens_everything_and_has_no_controls(browser, page):
     browser.open(page, 794, scheme="dark", medium="print")
-    assert luminance(browser, "body", "backgroundColor") == 1.0
-    assert (
-        browser.run("document.querySelector('details table').getBoundingClientRect().height") > 20
-    )
-    assert not browser.run(
-        "['nav', '.filter', 'dialog'].some(s => document.querySelector(s).checkVisibility())"
-    )
+    assert browser.run(f"{COLOURS}ground") == 1.0
+    height = "document.querySelector('details table').getBoundingClientRect().height"
+    assert browser.run(height) > 20
+    seen = "['nav', '.filter', 'dialog'].some(s => document.querySelector(s).checkVisibility())"
+    assert not browser.run(seen)
 
 
 def test_reads_without_scripts(browser, page):
     browser.call("Emulation.setScriptExecutionDisabled", value=True)
     try:
         browser.open(page)
-        assert not browser.run(
-            "document.querySelectorAll('th button, .filter, button.enlarge').length"
-        )
-        assert browser.run("document.querySelector('section table').checkVisibility()")
-        assert not browser.run("document.querySelector('dialog').checkVisibility()")
+        seen = "['section table', 'dialog'].map(s => document.querySelector(s).checkVisibility())"
+        assert browser.run(seen) == [True, False]
+        controls = "document.querySelectorAll('th button, .filter, button.enlarge').length"
+        assert browser.run(controls) == 0
     finally:
         browser.call("Emulation.setScriptExecutionDisabled", value=False)

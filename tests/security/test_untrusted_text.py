@@ -41,11 +41,8 @@ def rattle(*words, code=0):
 
 def files_are_harmless(folder):
     """No text file has control characters."""
-    read = [
-        p
-        for p in folder.rglob("*")
-        if p.suffix in {".md", ".html", ".csv", ".json", ".log", ".svg", ".txt"}
-    ]
+    texts = {".md", ".html", ".csv", ".json", ".log", ".svg", ".txt"}
+    read = [path for path in folder.rglob("*") if path.suffix in texts]
     assert read
     for path in read:
         assert not RAW.search(path.read_text(encoding="utf-8")), path
@@ -88,15 +85,15 @@ def test_a_study_from_end_to_end(tmp_path):
     """A hostile title and value of an axis, on the terminal and in all files."""
     file = tmp_path / (IN_A_NAME.replace("/", "") + ".toml")
     file.write_text(study(title=quoted(STEERING)) + TOLERANCE.format(quoted(STEERING)))
+    out = ("--out", tmp_path / "out")
     for word in ("--explain", "--status"):
-        said = rattle("study", file, word, "--out", tmp_path / "out").output
+        said = rattle("study", file, word, *out).output
         assert "\\x1b]0;pwned\\x07\\x9b31m" in said
         assert "\\u202e" in said
-    said = rattle("study", file, "--out", tmp_path / "out", code=1)
-    assert "\\x1b]0;pwned" in said.stderr
+    assert "\\x1b]0;pwned" in rattle("study", file, *out, code=1).stderr
     files_are_harmless(tmp_path / "out")
     reasons = (tmp_path / "out" / "reasons.csv").read_text()
     assert "\\x1b]0;pwned\\x07\\x9b31m" in reasons
-    record = json.loads(rattle("study", file, "--out", tmp_path / "out", "--json", code=1).stdout)
+    record = json.loads(rattle("study", file, *out, "--json", code=1).stdout)
     assert record["title"] == STEERING  # data are as they were
     assert "\\x1b]0;pwned" in rattle("show", tmp_path / "out").stdout
