@@ -64,7 +64,15 @@ def test_an_estimate_is_said_before_the_work_where_a_bar_is_asked_for(name, capl
 
     work, said = ASKED[name]
     label = True if name == "map" else "x"
-    monkeypatch.setattr("rattle.scene.progress.ProgressBar.__init__", stop)
+    for module in (
+        "montecarlo.long_run.run",
+        "compare.engine.run",
+        "compare.parameters.boundary",
+        "compare.parameters.crossing",
+        "compare.parameters.of_closure",
+        "compare.parameters.sensitivity",
+    ):
+        monkeypatch.setattr(f"rattle.{module}.ProgressBar", stop)
     caplog.set_level(logging.INFO, "rattle.estimate")
     with pytest.raises(Stopped):
         work()

@@ -30,7 +30,7 @@ def test_a_generator_gives_the_same_results_where_it_is_as_new_and_others_when_p
     assert moments(sequence) == moments(sequence) == moments(7)
 
 
-@pytest.mark.parametrize("rng", [np.random.RandomState(7), -1, 0.5, "7", None])
+@pytest.mark.parametrize("rng", [np.random.RandomState(7), -1, 0.5])
 def test_anything_else_is_refused(rng):
     with refusal("rng = "):
         moments(rng)

@@ -346,7 +346,6 @@ def test_bad_input_is_named(samples, predicted, tmp_path):
     ("option", "value"),
     [
         ("level", 1.0),
-        ("checks", 0),
         ("groups", "family"),
         ("groups", np.zeros(WALKS)),
         ("tolerances", 0.1),

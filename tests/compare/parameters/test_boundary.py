@@ -27,7 +27,7 @@ from rattle.montecarlo.statistics.intervals import widest
 
 
 @pytest.mark.parametrize("width", [0.02, 0.5])
-@pytest.mark.parametrize("change", [0.0011, 0.046, 1.9])
+@pytest.mark.parametrize("change", [0.0011, 1.9])
 def test_an_edge_is_found_to_its_width(change, width):
     ((accurate, wrong),), judged = search(verdicts(change), 8, width)
     assert accurate <= change < wrong
