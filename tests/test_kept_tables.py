@@ -1,9 +1,7 @@
 """What the pages show of the measurements is what the kept measurements say."""
 
-import subprocess
-import sys
-
 from places import RESULTS
+from programs import python
 
 READ_KEPT = f"""
 import sys
@@ -18,9 +16,7 @@ for file, text in kept().items():
 
 def test_the_markdown_of_every_measurement_is_that_of_its_csv():
     """In a process of its own, for the scripts are no modules of the tests."""
-    done = subprocess.run(
-        [sys.executable, "-c", READ_KEPT], capture_output=True, text=True, check=True
-    )
+    said = python("-c", READ_KEPT).stdout
     files = sorted(file.name for file in RESULTS.glob("*.table.md"))
     assert len(files) == 17
-    assert done.stdout.splitlines() == [f"{name} read" for name in files]
+    assert said.splitlines() == [f"{name} read" for name in files]

@@ -10,6 +10,7 @@ import pytest
 from commands import commands, rattle
 from places import BUILT, ROOT
 from programs import python
+from source_tree import PACKAGES
 
 from rattle import Scene
 from rattle.compare.judge.verdict import Verdict
@@ -18,7 +19,7 @@ README = (ROOT / "README.md").read_text()
 PAGES = [
     p
     for p in sorted((ROOT / "docs").rglob("*.md"))
-    if not set(p.relative_to(ROOT).parts) & set(BUILT)
+    if not BUILT.intersection(p.relative_to(ROOT).parts)
 ]
 FENCE = re.compile(r"^```(\{?[\w-]*\}?)[^\n]*\n(.*?)^```", re.MULTILINE | re.DOTALL)
 ALL_TEXT = "\n".join([README, *(page.read_text() for page in PAGES)])
@@ -47,33 +48,33 @@ MEASUREMENT = "python tests/", "python docs/results/"  # what is measured by han
 for."""
 
 
-QUICK_EXAMPLES = ("init", "simulate", "drive", "show")
-"""Commands whose examples are run; of the others, which tests/compare/cli runs, the words are
-read."""
-
-
 def examples():
     """Shell examples as they stand, with arguments: lines of shell blocks, and code within the
     text."""
     lines = [line for language, text in FENCED if language == "sh" for line in text.splitlines()]
     lines += re.findall(r"`((?:rattle|make|pip|pytest|python) [^`]+)`", FENCE.sub("", ALL_TEXT))
     words = dict.fromkeys(line.split(" # ")[0].strip() for line in lines if line[:1] != "#")
-    return [line for line in words if len(line.split()) > 2 or not line.startswith("rattle ")]
+    return [line for line in words if not re.fullmatch(r"rattle \S+", line)]
 
 
 def smaller(study):
     """The same study of fewer paths, impacts and values."""
-    small = re.sub(r"paths = \d+", "paths = 512", re.sub(r"(log = \[.*), \d+\]", r"\1, 3]", study))
-    small = re.sub(r"^impacts = \d+", "impacts = 3", small, flags=re.MULTILINE)
-    small = re.sub(r"^accuracy = .*", "periods = 64\npaths = 32", small, flags=re.MULTILINE)
+    small = study
+    for pattern, fewer in {
+        r"(log = \[.*), \d+\]": r"\1, 3]",
+        r"paths = \d+": "paths = 512",
+        r"(?m)^impacts = \d+": "impacts = 3",
+        r"(?m)^accuracy = .*": "periods = 64\npaths = 32",
+    }.items():
+        small = re.sub(pattern, fewer, small)
     assert small != study
     return small
 
 
-def printed(text, folder):
-    """What the first Python example of a text prints, and what the text says that it does."""
-    code, published = re.search(r"```python\n(.*?)```.*?```\w*\n(.*?)```", text, re.DOTALL).groups()
-    return python("-c", code, cwd=folder).stdout.split(), published.split()
+def check_print(text, folder):
+    """The first Python example of a text prints what the text says that it does."""
+    code, published = re.search(r"(?s)```python\n(.*?)```.*?```\w*\n(.*?)```", text).groups()
+    assert python("-c", code, cwd=folder).stdout.split() == published.split()
 
 
 def test_a_gear_pair_of_ones_own_takes_ten_lines():
@@ -84,14 +85,12 @@ def test_a_gear_pair_of_ones_own_takes_ten_lines():
 
 def test_the_worked_example_prints_what_it_says(tmp_path):
     (tmp_path / "gears.toml").write_text(SCENE_TEXTS[0])
-    out, published = printed(README, tmp_path)
-    assert out == published
+    check_print(README, tmp_path)
 
 
 @pytest.mark.slow
 def test_the_orbit_with_sticking_prints_what_it_says(tmp_path):
-    out, published = printed((ROOT / "docs" / "results" / "stability.md").read_text(), tmp_path)
-    assert out == published
+    check_print((ROOT / "docs/results/stability.md").read_text(), tmp_path)
 
 
 def test_the_committed_study_loads_as_it_says(monkeypatch):
@@ -130,29 +129,27 @@ def test_every_study_runs_to_the_end(tmp_path, number):
 @pytest.mark.usefixtures("undrawn")
 def test_every_shell_example_is_understood_and_the_quick_ones_run(tmp_path, monkeypatch):
     for name, command in commands():
-        if name not in QUICK_EXAMPLES:
+        # of the others, which tests/compare/cli runs, the words are read
+        if name not in ("init", "simulate", "drive", "show"):
             monkeypatch.setattr(command, "callback", lambda **_: None)
     (tmp_path / "gears.toml").write_text(SCENE_TEXTS[0])
     (tmp_path / "SCENE.toml").write_text(SCENE_TEXTS[-1])
     shutil.copytree(ROOT / "examples", tmp_path / "examples")
-    shutil.copytree(ROOT / "reports" / "dat21", tmp_path / "reports" / "mine")
+    shutil.copytree(ROOT / "reports/dat21", tmp_path / "reports/mine")
     monkeypatch.chdir(tmp_path)
-    lines = [line for line in examples() if line not in NOT_RUN and not is_measurement(line)]
+    lines = [
+        line for line in examples() if line not in NOT_RUN and not line.startswith(MEASUREMENT)
+    ]
     assert len(lines) > 30
     for line in lines:
-        program, _, words = line.replace("[SCENE.toml]", "SCENE.toml").partition(" ")
-        assert program == "rattle", line
-        rattle(words)
+        assert line.startswith("rattle "), line
+        rattle(line.replace("[SCENE.toml]", "SCENE.toml").removeprefix("rattle "))
     with pytest.raises(AssertionError, match="No such option"):  # a planted error
         rattle("boundary gears.toml --closures branching")
 
 
-def is_measurement(line):
-    return line.startswith(MEASUREMENT)
-
-
 def test_every_measurement_that_is_named_is_there():
-    measurements = [line.split()[1] for line in examples() if is_measurement(line)]
+    measurements = [line.split()[1] for line in examples() if line.startswith(MEASUREMENT)]
     assert len(measurements) >= 4
     for file in measurements:
         assert (ROOT / file).is_file(), file
@@ -161,12 +158,9 @@ def test_every_measurement_that_is_named_is_there():
 def test_the_commands_that_are_named_are_those_that_exist():
     """Pages name every command and no other; so do the Makefile, what commands print, and
     docstrings."""
-    sources = [
-        p
-        for package in ("scene", "closure", "montecarlo", "compare")
-        for p in (ROOT / package).rglob("*.py")
-    ]
-    files = [ROOT / "Makefile", ROOT / "CONTRIBUTING.md", ROOT / ".ci" / "run", *sources]
+    files = [ROOT / "Makefile", ROOT / "CONTRIBUTING.md", ROOT / ".ci/run"]
+    for package in PACKAGES:
+        files += (ROOT / package).rglob("*.py")
     pages = ALL_TEXT + "".join(f"`{words}`\n" for words in examples())
     exist = dict(commands())
     groups = {name.split()[0] for name in exist if " " in name}

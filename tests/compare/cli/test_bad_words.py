@@ -10,7 +10,6 @@ BAD = {
     "validate --sigma -1": "sigma = -1.0",
     "validate no/such.toml": "cannot be read",
     "validate --paths 0": "paths = 0: must be at least 1",
-    "validate --impacts 0": "impacts = 0",
     "validate --workers 0": "workers = 0",
     "validate --seed -4": "must be 0 or greater|must be at least 0",
     "validate --dt 1": "must be at most 0.1",
@@ -34,46 +33,28 @@ BAD = {
     "validate --validity 1e-3:2:12": "--validity is now part of --over sigma=LOW:HIGH",
     "boundary --between 20 200 --over torque1": "--between is now part of --over NAME=LOW:HIGH",
     "boundary --and alpha --reach 0.5 3": "--reach is now part of --and NAME=LOW:HIGH",
-    "boundary --over torque1=0.5:x": "torque1 = '0.5:x': write NAME=LOW:HIGH",
     "boundary --over torque2=-1:2": "torque2 LOW = -1.0: must be greater than 0",
     "stationary --field epsilon --over 0.7:0.9:2": "--field is now part of --over",
     "validate --validity-paths 0": "validity-paths = 0: must be at least 1",
     "validate --budget 0": "budget = 0.0: must be greater than 0",
-    "validate --budget -1": "budget = -1.0",
-    "validate --budget nan": "budget = nan",
     "stationary --closure own:mine": "closure = 'own:mine': predicts impacts, not the long run",
     "stationary --closure corrected --no-closures": "closure",
     "check claims --paths 10": "paths = 10",
     "check claims --over alpha=1:0:3": "alpha HIGH = 0",
-    "check claims --sigma -1": "sigma = -1",
     "check claims --impacts 5": "impacts = 5",
     "check stability --axis gup": "axis = 'gup': did you mean 'gap'?",
     "check stability --points 8": "points = 8: must be at most 7",
-    "check stability --points 0": "points = 0: must be at least 1",
-    "check stability --paths 10": "paths = 10: must be at least 1000",
-    "check stability --workers 0": "workers = 0: must be at least 1",
-    "check stability --seed -1": "seed = -1: must be at least 0",
     "tradeoff --accuracy 0": "accuracy = 0.0: must be greater than 0",
-    "tradeoff --sigma -1": "sigma = -1.0",
     "tradeoff --sigma 0": "sigma = 0.0: must be greater than 0",
-    "tradeoff --budget 0": "budget = 0.0: must be greater than 0",
     "tradeoff --impacts 0": "impacts = 0: must be at least 1",
-    "tradeoff --workers 0": "workers = 0: must be at least 1",
-    "tradeoff --seed -1": "rng = -1: must be at least 0",
     "chaos --over alpha=1:0:5": "alpha HIGH = 0.0: must be greater than LOW = 1",
     "chaos --over alpa=1:2": "did you mean 'alpha'",
     "chaos --over epsilon=0.5:1.5:3": "between 0 and 1",
     "chaos --width 0": "width",
     "chaos --points 3": "at least 100",
     "simulate --units metric": "units = 'metric': valid are",
-    "simulate --scheme fast": "scheme = 'fast'",
-    "simulate --accuracy 0": "accuracy = 0.0: must be greater than 0",
-    "simulate --sigma -1": "sigma = -1.0",
     "simulate --paths 10 --scheme exact-flight --dt 1": "dt = 1.0: must be at most",
     "simulate --paths 1.5": "is not a whole number",
-    "simulate --paths 1e-3": "is not a whole number",
-    "simulate --paths many": "is not a whole number",
-    "simulate --paths nan": "is not a whole number",
     "simulate --paths 1e999999999": "is not a whole number",
     "simulate --paths ''": "is not a whole number",
 }
@@ -81,8 +62,7 @@ BAD = {
 
 @pytest.mark.parametrize("words", BAD)
 def test_bad_words_are_refused_before_anything_is_written(words, tmp_path):
-    done = rattle(f"{words} --out {tmp_path / 'out'}", code=2)
-    assert re.search(BAD[words], done.stderr)
+    assert re.search(BAD[words], rattle(f"{words} --out {tmp_path / 'out'}", code=2).stderr)
     assert not any(tmp_path.iterdir())
 
 

@@ -14,7 +14,7 @@ from rattle.compare.checks.extremes import extreme
 from rattle.compare.report.json_text import json_text, plain
 from rattle.compare.report.save import csv_text
 
-GEARBOX = ROOT / "examples" / "gearbox.toml"
+BOX = ROOT / "examples/gearbox.toml"
 SINGLE_STAGE = (
     "[scene]\nalpha = 1.5\nepsilon = 0.9\nbeta1 = 0.08\ngamma1 = 0.05\nstages = 1\nsigma = 0.1\n"
 )
@@ -26,11 +26,11 @@ SMALL_RUNS = {
     "study": "study.toml",
     "check published": "--result bouncing-ball",
     "check extremes": "",
-    "drive": f"{ROOT / 'examples' / 'measured-drive.toml'} --out out",
+    "drive": f"{BOX.parent}/measured-drive.toml --out out",
     "judge": "predicted.csv samples.csv --out out",
     "boundary": "--impacts 1 --over sigma=0.001:2:2 --width 0.9 --out out",
     "sensitivity": "scene.toml --parameter epsilon --quantity power --accuracy 1 --out out",
-    "run-up": f"{GEARBOX} --over speed_rpm=800:900:2 --seconds 1 --budget 1 --out out",
+    "run-up": f"{BOX} --over speed_rpm=800:900:2 --seconds 1 --budget 1 --out out",
     "stationary": "scene.toml --paths 64 --periods 64 --closure saltation --out out",
 }
 """A small run of each command that has ``--json``; `assess` has its own (tests/compare/assess)."""
@@ -50,13 +50,19 @@ def test_every_command_prints_strict_json_and_writes_it(command, tmp_path, monke
     (tmp_path / "scene.toml").write_text(SINGLE_STAGE)
     (tmp_path / "predicted.csv").write_text("time,x,sd_x\n0.5,1.0,2.0\n")
     (tmp_path / "samples.csv").write_text("path,time,x\n0,0.5,1.0\n1,0.5,2.0\n")
-    about = {"name": "lost", "quantity": "β", "statement": "", "reference": ""}
-    rows = {"lost": extreme(lambda: [math.inf], allowed=1.0, **about)}
-    monkeypatch.setattr(extremes, "EXTREMES", rows)  # all of them take a minute
+    row = extreme(
+        lambda: [math.inf],
+        allowed=1.0,
+        **dict.fromkeys(("name", "quantity", "statement", "reference"), "β"),
+    )
+    monkeypatch.setattr(extremes, "EXTREMES", {"β": row})  # all of them take a minute
     speeds = pd.DataFrame({"ns": [1.5, np.nan]}, index=["a", "b"])
     monkeypatch.setattr("rattle.montecarlo.bench.bench", lambda: speeds)
-    code = 1 if command == "check extremes" else 0
-    assert strict(rattle(f"{command} {SMALL_RUNS[command]} --json", code=code).stdout)
+    assert strict(
+        rattle(
+            f"{command} {SMALL_RUNS[command]} --json", code=1 if command == "check extremes" else 0
+        ).stdout
+    )
     for path in tmp_path.rglob("*.json"):
         strict(path.read_text(encoding="utf-8"))
 
@@ -73,10 +79,8 @@ def test_what_is_no_number_is_null_and_what_is_numpys_is_plain():
         "a": (np.float64("nan"), -math.inf, np.float32(0.5), np.int64(2), np.bool_(True)),
         "b": {"at": Path("x/y"), 3: np.array([[0.1 + 0.2, math.nan]]), "c": pd.Series([1, 2])},
     }
-    said = strict(json_text(data))
     b = {"at": "x/y", "3": [[0.1 + 0.2, None]], "c": [1, 2]}
-    assert said == {"a": [None, None, 0.5, 2, True], "b": b}
-    assert said == plain(data)
+    assert strict(json_text(data)) == {"a": [None, None, 0.5, 2, True], "b": b} == plain(data)
 
 
 def test_numbers_in_csv_are_whole_and_texts_harmless():

@@ -17,17 +17,19 @@ SMALL_ON_PAIR = {
     "tradeoff": "--impacts 2 --budget 0.2 --no-orders --accuracy 0.3 --out",
     "validate": "--impacts 3 --paths 2000 --no-validity --out",
 }
-QUICK_COMMANDS = ("animate", "check order", "simulate", "validate")
 COMMANDS_ON_PAIR = [
-    command if command in QUICK_COMMANDS else pytest.param(command, marks=pytest.mark.slow)
+    command
+    if command in ("animate", "check order", "simulate", "validate")
+    else pytest.param(command, marks=pytest.mark.slow)
     for command in SMALL_ON_PAIR
     if command != "chaos"  # which runs on the pair in tests/compare/chaos
 ]
 
 
 def test_these_are_all_commands_that_take_a_scene():
-    takes = {name for name, command in commands() if any(p.name == "scene" for p in command.params)}
-    assert takes == set(SMALL_ON_PAIR)
+    assert {
+        name for name, command in commands() if any(p.name == "scene" for p in command.params)
+    } == set(SMALL_ON_PAIR)
 
 
 @pytest.mark.usefixtures("undrawn")

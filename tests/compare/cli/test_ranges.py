@@ -2,12 +2,9 @@
 
 import pytest
 from refusals import refusal
-from scenes import dat21
+from scenes import IMPACT_PAIR, dat21
 
-from rattle import Scene
 from rattle.compare.cli.ranges import RangeType
-
-RANGED = dat21(0.1)
 
 
 def read(text):
@@ -24,10 +21,9 @@ def read(text):
     ],
 )
 def test_values_of_a_range(text, values):
-    assert read(text).values(RANGED, points=3) == pytest.approx(values, rel=1e-15)
+    assert read(text).values(dat21(), points=3) == pytest.approx(values, rel=1e-15)
 
 
 def test_a_name_alone_needs_a_value_to_go_around():
-    single = Scene(alpha=0.5, epsilon=0.9, beta1=0.0, gamma1=0.1, stages=1)
-    with refusal(r"beta1 = 0\.0: is not above 0 in this scene"):
-        read("beta1").values(single, points=3)
+    with refusal(r"gamma1 = 0\.0: is not above 0 in this scene"):
+        read("gamma1").values(IMPACT_PAIR, points=3)

@@ -1,6 +1,7 @@
 """The commands of the sampler as a user types them."""
 
 import json
+import re
 from dataclasses import replace
 
 import pandas as pd
@@ -20,25 +21,23 @@ def test_simulate_prints_moments_and_writes_the_whole_table(tmp_path):
     printed = rattle(f"simulate --sigma 0.01 --impacts 3 --accuracy 0.02 --out {out}").output
     assert "Accuracy 0.02 sd reached" in printed
     assert "*" not in printed
-    table = pd.read_csv(out, index_col="impact")
-    assert table["sd_tau"][1] == pytest.approx(0.00016, rel=0.1)
+    assert pd.read_csv(out, index_col="impact")["sd_tau"][1] == pytest.approx(0.00016, rel=0.1)
 
 
 def test_a_table_of_many_wheels_continues_below_and_says_which_wheel_is_which(
     tmp_path, monkeypatch
 ):
-    scene = FOUR
-    wheels = [replace(wheel, name=name) for wheel, name in zip(scene.wheels, "abcd", strict=True)]
-    (tmp_path / "tree.toml").write_text(replace(scene, wheels=wheels).to_toml())
+    wheels = [replace(wheel, name=name) for wheel, name in zip(FOUR.wheels, "abcd", strict=True)]
+    (tmp_path / "tree.toml").write_text(replace(FOUR, wheels=wheels).to_toml())
     words = f"simulate {tmp_path / 'tree.toml'} --paths 64 --impacts 2"
-    whole = rattle(words).stdout.splitlines()
+    (whole,) = re.findall("(?m)^impact(.*)", rattle(words).stdout)
     monkeypatch.setattr("rattle.compare.cli.simulate.WIDEST_LINE", 100)
-    parts = rattle(words).stdout.splitlines()
-    heads = [line for line in parts if line.startswith("impact")]
+    parts = rattle(words).stdout
+    heads = re.findall("(?m)^impact(.*)", parts)
+    assert " ".join(heads).split() == whole.split()
     assert len(heads) > 1
-    assert [name for head in heads for name in head.split()[1:]] == whole[0].split()[1:]
-    assert max(map(len, heads)) <= 100
-    assert "Wheel 1 (a) meshes with the driver, 2 (b) with the driver, 3 (c) with 1" in parts[-1]
+    assert max(map(len, heads)) <= 94
+    assert "Wheel 1 (a) meshes with the driver, 2 (b) with the driver, 3 (c) with 1" in parts
 
 
 def test_bias_of_a_named_euler_step_stands_in_the_table_unless_it_is_switched_off():
@@ -66,8 +65,11 @@ def test_an_accuracy_beyond_an_hour_is_answered_with_the_rows_that_miss_it(monke
 def test_speed_has_the_floor_and_every_scheme(monkeypatch):
     monkeypatch.setattr("rattle.montecarlo.bench.TURNS_OF_SLICES", 1)
     rows = pd.DataFrame(json.loads(rattle("check speed --json").output)).set_index("what")
-    schemes = {"euler-maruyama, paths alone", "euler-maruyama-located", "exact-flight, dt = pi/96"}
-    assert schemes < set(rows.index)
+    assert {
+        "euler-maruyama, paths alone",
+        "euler-maruyama-located",
+        "exact-flight, dt = pi/96",
+    } < set(rows.index)
     assert (rows[["ns", "times_floor", "gain"]] > 0.0).all(axis=None)
     assert rows["gain"]["a skilled loop in numba, without statistics"] == 1.0
 
@@ -76,11 +78,7 @@ def test_after_warming_up_nothing_is_compiled():
     for task in tasks().values():
         task()
     before = progress.compiler.functions
-    for scene in (
-        dat21(0.3),
-        dat21(0.3, stages=1),
-        dat21(0.02, tolerance=Tolerance(1e-3, 2e-3)),
-    ):
+    for scene in (dat21(0.3), dat21(0.3, stages=1), dat21(0.3, tolerance=Tolerance(1e-3))):
         for name in CLOSURES:
             mean_map(scene, impacts=3, closure=name)
         for name in SCHEMES:

@@ -29,7 +29,7 @@ def test_what_is_undecided_is_skipped_where_the_marker_says_so(judge):
         judge(RIGHT, draw(500))
 
 
-@pytest.mark.rattle(within={"mean": 0.5, "sd": 0.5})
+@pytest.mark.rattle(within=0.5)
 def test_the_marker_says_what_is_allowed(judge):
     assert judge(RIGHT | {"x": [0.3, 0.3]}, draw(4000)).accurate
 

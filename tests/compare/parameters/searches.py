@@ -44,9 +44,12 @@ def run(name, **changes):
 def page_of(result, folder):
     """The page of a result as Markdown, from the folder that is written."""
     facts = {"name": "DAT21", "command": "", "commit": "", "versions": {}, "wall_seconds": 1.0}
-    report = make_report(result, facts | {"scene": result.scene.to_dict()})
-    save(folder / "report", report, overwrite=False)
-    return next((folder / "report").glob("*.md")).read_text(encoding="utf-8")
+    save(
+        folder / "report",
+        make_report(result, facts | {"scene": result.scene.to_dict()}),
+        overwrite=False,
+    )
+    return next((folder / "report").glob("*.md")).read_text()
 
 
 def verdicts(*changes, doubt=1.0):

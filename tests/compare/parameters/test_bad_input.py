@@ -19,7 +19,6 @@ BAD_SEARCHES = {
     "map": [
         ({"along": "alpah"}, "did you mean 'alpha'"),
         ({"along": "sigma"}, "is the first parameter too"),
-        ({"along": "epsilon", "reach": (0.5, 1.5)}, "epsilon = 1.5: no scene can have it"),
         ({"along": "drive.2.amplitude", "reach": None}, "give a range"),
         ({"pints": 3}, "did you mean 'points'"),
         ({"scheduler": "ucx://127.0.0.1:1"}, "give tcp://HOST:PORT"),
@@ -31,7 +30,6 @@ BAD_SEARCHES = {
     ],
     "closure_sensitivity": [
         ({"scene": QUIET}, "sigma = 0.0"),
-        ({"closure": "saltatoin"}, "did you mean 'saltation'"),
         ({"paths": 100}, "paths = 100"),
     ],
     "sensitivity": [

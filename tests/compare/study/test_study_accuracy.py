@@ -14,8 +14,9 @@ from rattle.montecarlo.kernel.block import BLOCK
 
 
 def asked(folder, accuracy, sigmas, code=0):
-    text = study_text(sigmas=sigmas).replace("paths = 4096", f"accuracy = {accuracy}")
-    (folder / "study.toml").write_text(text)
+    (folder / "study.toml").write_text(
+        study_text(sigmas=sigmas).replace("paths = 4096", f"accuracy = {accuracy}")
+    )
     return rattle(f"study {folder / 'study.toml'}", code=code)
 
 
@@ -23,17 +24,17 @@ def asked(folder, accuracy, sigmas, code=0):
 @pytest.mark.usefixtures("undrawn")
 def test_a_point_without_noise_comes_to_the_page(tmp_path):
     asked(tmp_path, 0.1, (0.0, 0.1))
-    sections = pd.read_parquet(tmp_path / "study" / "sections.parquet")
+    sections = pd.read_parquet(tmp_path / "study/sections.parquet")
     assert sections["agreement"].between(0.0, 1.0).all()
-    assert set(sections[sections["sigma"] == 0.0]["paths"]) == {1}
-    assert (sections[sections["sigma"] > 0.0]["paths"] >= 32 * BLOCK).all()
-    assert (tmp_path / "study" / "study.html").exists()
+    assert set(sections.query("sigma == 0.0")["paths"]) == {1}
+    assert set(sections.query("paths >= 32 * @BLOCK")["sigma"]) == {0.1}
+    assert (tmp_path / "study/study.html").exists()
 
 
 def test_a_cell_that_would_take_more_than_an_hour_is_told_and_not_kept(tmp_path):
     found = asked(tmp_path, 1e-9, (0.1,), code=2)  # it is the only point
     assert "accuracy = 1e-09: is expected to take" in found.output
-    cells = (tmp_path / "study" / "cells").glob("*.parquet")
+    cells = (tmp_path / "study/cells").glob("*.parquet")
     assert not [cell for cell in cells if "se_tau" in pd.read_parquet(cell)]
 
 
@@ -62,11 +63,8 @@ def test_every_estimate_is_within_a_factor_of_two_of_what_is_taken(name):
     cell = Sample(scene, impacts, seed=2, accuracy=accuracy)
     fixed = Sample(scene, impacts, seed=2, paths=8192)
     work = expect_work([cell, fixed])
-    page = validate(
-        scene, impacts=impacts, closures=["corrected"], paths=8192, scheme="exact-flight", rng=3
-    )
+    page = validate(scene, impacts=impacts, closures=["corrected"], paths=8192, rng=3)
     assert run.reach.reached
-    assert 0.5 < run.reach.expected.path_steps / run.path_steps < 2.0
-    assert 0.5 < work[cell.key].path_steps / run.path_steps < 2.0
-    assert 0.5 < page.foresee(accuracy).at(accuracy).path_steps / run.path_steps < 2.0
+    for one in (run.reach.expected, work[cell.key], page.foresee(accuracy).at(accuracy)):
+        assert 0.5 < one.path_steps / run.path_steps < 2.0
     assert 0.9 < work[fixed.key].path_steps / fixed.compute().facts["path_steps"] < 1.1

@@ -30,19 +30,18 @@ def test_a_study_file_is_asked_whether_its_gears_can_be(tmp_path):
     assert Study.load(file).scene.gears == DAT21
     file.write_text(geared(inertia1=0.004, damping1=0.0))
     line = file.read_text().splitlines().index("inertia1 = 0.004") + 1
-    said = rf"mine\.toml, line {line}: gears\.inertia1 = 0\.004: is too little"
-    with refusal(said):
+    with refusal(rf"mine\.toml, line {line}: gears\.inertia1 = 0\.004: is too little"):
         Study.load(file)
 
 
 def test_axes_multiply_and_fields_of_one_table_go_together():
     gaps = "[[axes]]\ngap1 = [0.4, 0.5]\ngap2 = [0.5, 0.6]\n"
-    study = read(more=f'{gaps}[[axes]]\n"tolerance.c1_max" = [0.0, 0.01]\n')
-    assert len(study.points) == 3 * 2 * 2
-    scenes = [point.sample.scene for point in study.points[:4:2]]
-    assert [(scene.gap1, scene.gap2) for scene in scenes] == [(0.4, 0.5), (0.5, 0.6)]
-    assert study.points[1].sample.scene.tolerance.c1_max == 0.01
-    assert study.points[0].sample.scene.start.x1 == 0.4  # the paper's start follows the gap
+    points = read(more=f'{gaps}[[axes]]\n"tolerance.c1_max" = [0.0, 0.01]\n').points
+    assert len(points) == 3 * 2 * 2
+    first, second, third, *_ = (point.sample.scene for point in points)
+    assert (first.gap1, first.gap2, third.gap1, third.gap2) == (0.4, 0.5, 0.5, 0.6)
+    assert second.tolerance.c1_max == 0.01
+    assert first.start.x1 == 0.4  # the paper's start follows the gap
 
 
 def keys(cells, kind=object):
@@ -55,43 +54,40 @@ def with_sigma(values):
 
 
 def test_log_and_linear_axes_keep_their_ends():
-    sigmas = [p.coordinates["sigma"] for p in with_sigma("{ log = [1e-3, 2.0, 24] }").points]
-    assert (sigmas[0], sigmas[-1], len(sigmas)) == (0.001, 2.0, 24)
-    np.testing.assert_allclose(np.diff(np.log(sigmas)), np.log(2000) / 23, rtol=1e-4)
-    linear = with_sigma("{ linear = [0.1, 0.5, 5] }").points
-    assert [p.coordinates["sigma"] for p in linear] == [0.1, 0.2, 0.3, 0.4, 0.5]
+    log, linear = (
+        [p.coordinates["sigma"] for p in with_sigma(values).points]
+        for values in ("{ log = [1e-3, 2.0, 24] }", "{ linear = [0.1, 0.5, 5] }")
+    )
+    assert (log[0], log[-1], len(log)) == (0.001, 2.0, 24)
+    np.testing.assert_allclose(np.diff(np.log(log)), np.log(2000) / 23, rtol=1e-4)
+    assert linear == [0.1, 0.2, 0.3, 0.4, 0.5]
 
 
 def test_a_key_is_the_content(monkeypatch):
     """Two files that say the same share their cells; a change of anything that matters makes new
     ones."""
-    cells = read().cells
-    renamed = Study.from_toml(study_text().replace('"small"', '"other"')).cells
-    assert keys(renamed) == keys(cells)
+    before = keys(read().cells)
+    assert keys(Study.from_toml(study_text().replace('"small"', '"other"')).cells) == before
     # a value more: its cells only
-    assert len(keys(read(sigmas=(0.01, 0.02, 0.05, 0.1)).cells) - keys(cells)) == 3
+    assert len(keys(read(sigmas=(0.01, 0.02, 0.05, 0.1)).cells) - before) == 3
     more_paths = read(paths=8192).cells
-    assert not keys(more_paths, Sample) & keys(cells)
-    assert keys(more_paths, Prediction) < keys(cells)  # closures do not care
-    sine = Study.from_toml(study_text(more="[[drive]]\norder = 1\namplitude = 1.0\n")).cells
-    assert keys(sine) == keys(cells)
-    assert not keys(Study.from_toml(study_text(more=ORDERS_TEXT)).cells) & keys(cells)
-    before = keys(cells)
+    assert not keys(more_paths, Sample) & before
+    assert keys(more_paths, Prediction) < before  # closures do not care
+    assert keys(read(more="[[drive]]\norder = 1\namplitude = 1.0\n").cells) == before
+    assert not keys(read(more=ORDERS_TEXT).cells) & before
     monkeypatch.setattr("rattle.compare.engine.store.numerical_version", lambda *_: "another")
     assert not before & keys(read().cells)
 
 
 def test_common_noise_is_one_seed_and_own_noise_is_many():
     assert {p.sample.seed for p in read().points} == {3}
-    own = [p.sample.seed for p in read(common="false").points]
-    assert len(set(own)) == 3
+    assert len({p.sample.seed for p in read(common="false").points}) == 3
 
 
 def test_an_invalid_point_says_why_and_the_others_stand():
     study = read(more="[[axes]]\nepsilon = [0.9, 1.2]\n")
-    lost = [p for p in study.points if p.sample is None]
-    assert len(lost) == 3
-    assert "epsilon = 1.2" in lost[0].reasons["scene"]
+    lost = [p.reasons["scene"] for p in study.points if p.sample is None]
+    assert ["epsilon = 1.2" in reason for reason in lost] == [True] * 3
     assert len(study.cells) == 9
 
 
@@ -150,8 +146,7 @@ def test_rare_branches_need_white_noise():
 
 def test_an_axis_varies_one_order_and_keeps_the_others():
     axes = '[[axes]]\n"drive.2.amplitude" = [0.0, 0.2]\ncorrelation_time = [0.0, 0.5]\n'
-    study = Study.from_toml(study_text(more=ORDERS_TEXT + axes))
-    last = study.points[-1].sample.scene
+    first, *_, last = (p.sample.scene for p in read(more=ORDERS_TEXT + axes).points)
     assert last.drive == (Order(1), Order(2, 0.2), Order(4, 0.1, 1.0))
     assert last.correlation_time == 0.5
-    assert study.points[0].sample.scene.drive[1] == Order(2, 0.0)
+    assert first.drive[1] == Order(2, 0.0)

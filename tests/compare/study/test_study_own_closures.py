@@ -10,7 +10,6 @@ from studies import study_text
 
 from rattle import Study
 
-OWN_STUDY = study_text(sigmas=(0.01, 0.1), paths=512).replace('"corrected"', '"{}"')
 OWN = """from rattle import mean_map
 
 def mine(scene, impacts):
@@ -25,7 +24,8 @@ def own(tmp_path, monkeypatch):
     """Writes a module with a closure that is wrong by a shift, and forgets an earlier one."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "dont_write_bytecode", True)
-    (tmp_path / "study.toml").write_text(OWN_STUDY.format("own_closures:mine"))
+    text = study_text(sigmas=(0.01, 0.1), paths=512)
+    (tmp_path / "study.toml").write_text(text.replace('"corrected"', '"own_closures:mine"'))
 
     def write(shift):
         (tmp_path / "own_closures.py").write_text(OWN.format(shift=shift))
@@ -37,11 +37,14 @@ def own(tmp_path, monkeypatch):
 
 
 def test_its_source_is_in_the_key_of_its_cells_and_of_no_others(own):
-    cells = (own(shift).points[0].predictions for shift in ("0.0", "0.0", "0.00"))
-    first, same, other = ({cell.closure: cell.key for cell in of_point} for of_point in cells)
-    assert first == same
-    assert first["saltation"] == other["saltation"]
-    assert first["mine"] != other["mine"]
+    def keys(shift):
+        return [cell.key for cell in own(shift).points[0].predictions]
+
+    saltation, mine = keys("0.0")
+    assert keys("0.0") == [saltation, mine]
+    same, other = keys("0.00")
+    assert same == saltation
+    assert other != mine
 
 
 def test_a_cell_goes_to_another_process(own):

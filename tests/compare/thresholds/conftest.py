@@ -4,12 +4,12 @@ import re
 
 import numba
 import pytest
+from scenes import dat21
 from scipy.special import ndtri
 
 from rattle.closure import mean_map
 from rattle.compare.thresholds import messages  # noqa: F401
 from rattle.montecarlo import Record, Sampling, simulate
-from rattle.scene import DAT21, Scene
 
 HEAD = """
 import pytest
@@ -23,20 +23,12 @@ from rattle.scene import DAT21, Scene
 def loaded():
     """An inner session forgets the modules that it has loaded itself, and numba's can be loaded
     only once."""
-    numba.njit(
-        lambda: 0
-    )()  # loads what only compiling needs, though all else comes from numba's cache
-    scene = Scene.from_gears(DAT21, sigma=0.02)
+    # loads what only compiling needs, though all else comes from numba's cache
+    numba.njit(lambda: 0)()
+    scene = dat21(0.02)
     mean_map(scene, impacts=1, closure="branching")
     record = Record(batches=True, energy=True)
-    simulate(
-        scene,
-        paths=2,
-        impacts=1,
-        scheme="exact-flight",
-        sampling=Sampling(control=True),
-        record=record,
-    )
+    simulate(scene, paths=2, impacts=1, sampling=Sampling(control=True), record=record)
 
 
 @pytest.fixture(autouse=True)

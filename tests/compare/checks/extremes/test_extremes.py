@@ -54,7 +54,7 @@ def swapped(scene, impacts):
 
 
 orbit_follow = orbit.follow
-returned = noise.log_speeds
+log_speeds = noise.log_speeds
 simulate = montecarlo.simulate
 noise_covariance = flight.noise_covariance
 mean_map = closure.mean_map
@@ -80,11 +80,6 @@ class Drifting(long_orbit.LongOrbit):
         )
 
 
-def by_floats(self):
-    """The phase by the remainder of a rounded period."""
-    return math.remainder(self.start.tau, 2.0 * math.pi)
-
-
 def louder_when_late(scene, **settings):
     return validate(
         scene.with_sigma(scene.sigma * (1.0 + 1e-6 * (scene.start.tau > 10.0))), **settings
@@ -95,28 +90,31 @@ def late_sticking(scene, impacts):
     """Sticking phases that begin and end late by a fraction of 1e-8."""
     found = orbit_follow(scene, impacts)
     late = 1.0 + 1e-8
-    return replace(
-        found,
-        sticking=tuple(
-            p._replace(closed=p.closed * late, opened=p.opened * late) for p in found.sticking
-        ),
-    )
+    phases = [p._replace(closed=p.closed * late, opened=p.opened * late) for p in found.sticking]
+    return replace(found, sticking=tuple(phases))
+
+
+OUTSIDE = (montecarlo, "simulate", outside_walls)
+# by the remainder of a rounded period
+ROUNDED = (Scene, "phase", property(lambda scene: math.remainder(scene.start.tau, 2.0 * math.pi)))
+DRIFTING = (long_orbit, "LongOrbit", Drifting)
+LATE = (orbit, "follow", late_sticking)
 
 
 NEGATIVE_CONTROLS = {
     "grazing": (impact, "next_impact", early(impact.next_impact)),
     "simultaneous": (orbit, "follow", swapped),
-    "chatter_time": (orbit, "follow", late_sticking),
-    "sticking_end": (orbit, "follow", late_sticking),
+    "chatter_time": LATE,
+    "sticking_end": LATE,
     "free_covariance": (flight, "noise_covariance", lambda *a: 1.3 * noise_covariance(*a)),
     "exit_times": (
         noise,
         "simulate",
         lambda s, **k: simulate(s.with_sigma(1.15 * s.sigma), **k),
     ),
-    "collapse_drift": (noise, "log_speeds", lambda epsilon, *rest: returned(0.8 * epsilon, *rest)),
-    "stay_between_walls": (montecarlo, "simulate", outside_walls),
-    "sticking_paths": (montecarlo, "simulate", outside_walls),
+    "collapse_drift": (noise, "log_speeds", lambda eps, *rest: log_speeds(0.8 * eps, *rest)),
+    "stay_between_walls": OUTSIDE,
+    "sticking_paths": OUTSIDE,
     "large_tolerances": (
         closure,
         "mean_map",
@@ -132,12 +130,12 @@ NEGATIVE_CONTROLS = {
         "mean_map",
         lambda s, **k: mean_map(s.with_sigma(s.sigma + 1e-9), **k),
     ),
-    "phases": (Scene, "phase", property(by_floats)),
-    "whole_periods": (Scene, "phase", property(by_floats)),
+    "phases": ROUNDED,
+    "whole_periods": ROUNDED,
     "absolute_times": (validation, "validate", louder_when_late),
-    "energy": (long_orbit, "LongOrbit", Drifting),
-    "elastic_flights": (long_orbit, "LongOrbit", Drifting),
-    "periodic_motion": (long_orbit, "LongOrbit", Drifting),
+    "energy": DRIFTING,
+    "elastic_flights": DRIFTING,
+    "periodic_motion": DRIFTING,
 }
 """For each row, a function that it calls, with a deliberate error."""
 
@@ -150,10 +148,10 @@ def shorter(monkeypatch):
         "LONG_RUN_PERIODS": runs.STRETCH_IMPACTS,
         "LENGTH_POWERS": (-26,),
         "START_TIMES": (1e12,),
+        "EXITS": ((1.0, 1e-3),),
     }
     for name, value in short.items():
         monkeypatch.setattr(runs, name, value)
-    monkeypatch.setattr(runs, "EXITS", ((1.0, 1e-3),))
 
 
 @pytest.mark.usefixtures("shorter")
@@ -171,11 +169,15 @@ def fake(error, **texts):
 
 
 def test_table_says_what_failed(monkeypatch):
-    rows = {"E": fake(2e-16), "exit": fake(7.0, name="exit", statement="1e-3 to 1e4")}
-    monkeypatch.setattr(extremes, "EXTREMES", rows)
+    monkeypatch.setattr(
+        extremes,
+        "EXTREMES",
+        {"E": fake(2e-16), "exit": fake(7.0, name="exit", statement="1e-3 to 1e4")},
+    )
     text = rattle("check", "extremes", code=1).output.splitlines()
     assert text[-1].startswith("1 of 2 results hold; 2 checks, 0 of them statistical; 0 of 0")
-    assert ("holds" in text[2], "FAILS" in text[3]) == (True, True)
+    assert "holds" in text[2]
+    assert "FAILS" in text[3]
     assert text[5] == "exit (a limit): 1e-3 to 1e4"
     assert "E (a limit): 0 to 1e3" in rattle("check extremes --all", code=1).output
 

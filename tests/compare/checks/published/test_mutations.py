@@ -21,10 +21,6 @@ from rattle.scene import impact, wheel
 pytestmark = pytest.mark.published
 
 STRIKE = impact.reflect
-LOSS = impact.energy_loss
-COMPLETE = wheel.complete_wheels
-MU = Gears.mu.fget
-RATE_CHANGE = "-(1.0 + epsilon) * rate"
 MUTATIONS = {
     "nothing": (STRIKE, "", ""),
     "share of the parent into that of the wheel": (
@@ -32,23 +28,26 @@ MUTATIONS = {
         "(1.0 - wheel.share) * change",
         "wheel.share * change",
     ),
-    "1 + epsilon into epsilon, mesh 2": (STRIKE, RATE_CHANGE, "-(epsilon + (mesh == 1)) * rate"),
+    "1 + epsilon into epsilon, mesh 2": (
+        STRIKE,
+        "-(1.0 + epsilon) * rate",
+        "-(epsilon + (mesh == 1)) * rate",
+    ),
     "an impact does not kick the gaps behind": (STRIKE, "other.ratio * moved", "0.0"),
     "mesh 2 does not kick y1": (STRIKE, "other.sign * others", "0.0"),
-    "restitution of mesh 2 squared": (
-        STRIKE,
-        "-epsilon * rate",
-        "-(epsilon**mesh) * rate",
-    ),
     "no restitution at mesh 1": (
         STRIKE,
         "-epsilon * rate",
         "-(epsilon ** (mesh - 1)) * rate",
     ),
-    "energy lost at mesh 2 without its mass": (LOSS, "reduced * y", "y"),
-    "a share of mass without the parent's": (COMPLETE, "(carried + parent.mass)", "carried"),
+    "energy lost at mesh 2 without its mass": (impact.energy_loss, "reduced * y", "y"),
+    "a share of mass without the parent's": (
+        wheel.complete_wheels,
+        "(carried + parent.mass)",
+        "carried",
+    ),
     "inertias interchanged in mu": (
-        MU,
+        Gears.mu.fget,
         "first.inertia * second.radius",
         "second.inertia * second.radius",
     ),
