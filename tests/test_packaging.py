@@ -62,7 +62,7 @@ def installed(wheel, tmp_path_factory):
     return home / "bin/python"
 
 
-SOURCES = ("scene", "closure", "montecarlo", "compare", "src")
+SOURCE_FOLDERS = ("scene", "closure", "montecarlo", "compare", "src")
 
 
 def plain(name):
@@ -72,7 +72,9 @@ def plain(name):
 
 def undeclared(declared):
     """Libraries that the source imports and that no requirement names."""
-    source = "".join(path.read_text() for top in SOURCES for path in (ROOT / top).rglob("*.py"))
+    source = "".join(
+        path.read_text() for top in SOURCE_FOLDERS for path in (ROOT / top).rglob("*.py")
+    )
     imported = {*re.findall(r"(?m)^ *(?:from|import) (\w+)", source)}
     known = metadata.packages_distributions()
     names = {plain(name) for name in declared}
@@ -106,7 +108,7 @@ def test_both():
 def test_wheel_holds_one_import_name(wheel):
     names = set(zipfile.ZipFile(wheel).namelist())
     assert not [name for name in names if not re.match(r"rattle(-[^/]*\.dist-info)?/", name)]
-    modules = [path for top in SOURCES[:4] for path in (ROOT / top).rglob("*.py")]
+    modules = [path for top in SOURCE_FOLDERS[:4] for path in (ROOT / top).rglob("*.py")]
     assert {f"rattle/{path.relative_to(ROOT)}" for path in modules} <= names
     assert "rattle/py.typed" in names
     assert any(name.startswith("rattle/compare/report/templates/") for name in names)
@@ -128,7 +130,7 @@ def test_wheel_offers_its_command_and_its_plugin_beside_modules_of_the_same_name
     installed, tmp_path
 ):
     """In a project with modules called as our folders are."""
-    for name in SOURCES[:4]:
+    for name in SOURCE_FOLDERS[:4]:
         (tmp_path / f"{name}.py").write_text(f"mine = '{name}'\n")
     (tmp_path / "test_mine.py").write_text(BESIDE_OURS)
     words = "-m pytest -q -p no:cacheprovider --rattle-seed 3"

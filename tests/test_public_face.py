@@ -10,15 +10,15 @@ from places import ROOT
 
 import rattle
 
-DOCS = ROOT / "docs"
-GUIDE_PAGES = [ROOT / "README.md", DOCS / "start.md", *sorted(DOCS.glob("guide/*.md"))]
+PAGES = ROOT / "docs"
+GUIDE_PAGES = [ROOT / "README.md", PAGES / "start.md", *sorted(PAGES.glob("guide/*.md"))]
 PUBLIC = {name: getattr(rattle, name) for name in rattle.__all__}
 CLASSES = {name: value for name, value in PUBLIC.items() if inspect.isclass(value)}
 ERRORS = [name for name, kind in CLASSES.items() if issubclass(kind, Exception)]
 
 
 def test_the_reference_has_the_public_names_where_they_are_imported_from():
-    pages = "".join(page.read_text() for page in DOCS.glob("reference/api-*.md"))
+    pages = "".join(page.read_text() for page in PAGES.glob("reference/api-*.md"))
     entries = re.findall(r"(?m)^   (([a-z_]+)[.\w]*)\.(\w+)$", pages)
     assert {name for _, _, name in entries} >= PUBLIC.keys()
     for place, package, name in entries:

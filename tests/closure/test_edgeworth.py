@@ -5,7 +5,7 @@ from rattle.closure import Edgeworth
 from rattle.closure.edgeworth import coefficients
 
 ORDER = 6
-WITHIN = np.add.outer(range(ORDER + 1), range(ORDER + 1)) <= ORDER
+WITHIN_ORDER = np.add.outer(range(ORDER + 1), range(ORDER + 1)) <= ORDER
 """The moments that belong to the series."""
 
 
@@ -28,7 +28,7 @@ def test_the_series_has_the_moments_it_was_made_of():
     y = z * series.sd_y
     density = series.density(x[:, None] + 0.0 * y, y + 0.0 * x[:, None])
     found = moments(x, y, density * (x[1] - x[0]) * (y[1] - y[0]))
-    assert found[WITHIN] == pytest.approx(raw[WITHIN], rel=0, abs=1e-12)
+    assert found[WITHIN_ORDER] == pytest.approx(raw[WITHIN_ORDER], rel=0, abs=1e-12)
     joint = density.sum(axis=0) * (x[1] - x[0])
     # a sum of 441 terms
     assert series.velocity_density(y) == pytest.approx(joint, rel=0, abs=441 * 2.0**-53)

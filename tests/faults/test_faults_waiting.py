@@ -14,7 +14,7 @@ from studies import Runner, Store, run
 
 from rattle import Study
 
-CELLS = Study.from_toml(study(paths=1024)).cells
+WAITED_FOR = Study.from_toml(study(paths=1024)).cells
 HOLD = """
 import sys
 from contextlib import ExitStack
@@ -48,11 +48,11 @@ def test_a_study_whose_cells_are_in_other_hands_says_so_once(store, monkeypatch)
     said = Mock(side_effect=lambda text: heard.set())
     monkeypatch.setattr("rattle.compare.engine.run.print_on_stderr", said)
     with ThreadPoolExecutor(1) as pool:
-        with locked_elsewhere(store, CELLS) as number:
-            waiting = pool.submit(run, CELLS, store, Runner(1), show=True)
+        with locked_elsewhere(store, WAITED_FOR) as number:
+            waiting = pool.submit(run, WAITED_FOR, store, Runner(1), show=True)
             assert heard.wait(LONG)
             assert not waiting.done()
-        assert waiting.result(LONG).computed == len(CELLS) == 2
+        assert waiting.result(LONG).computed == len(WAITED_FOR) == 2
     (text,) = said.call_args.args
     at = r"\d{4}-\d\d-\d\d \d\d:\d\d:\d\d"
     there = f"process {number} on {re.escape(platform.node())}"

@@ -78,11 +78,11 @@ ANYTHING = st.sampled_from(
 """What nothing here takes, and numbers that one field takes and another does not."""
 
 
-SIMULATE = partial(simulate, DAT, paths=32, impacts=1, sampling=Sampling(horizon=5.0))
+SAMPLE = partial(simulate, DAT, paths=32, impacts=1, sampling=Sampling(horizon=5.0))
 
 
 def record(**settings):
-    return SIMULATE(record=Record(**settings))
+    return SAMPLE(record=Record(**settings))
 
 
 def of_two_impacts(method, **settings):
@@ -90,12 +90,12 @@ def of_two_impacts(method, **settings):
 
 
 def sample(**settings):
-    return SIMULATE(sampling=Sampling(**settings))
+    return SAMPLE(sampling=Sampling(**settings))
 
 
 CALLS = {
     "impacts closure order": partial(mean_map, DAT, impacts=1),
-    "paths impacts dt scheme rng workers": SIMULATE,
+    "paths impacts dt scheme rng workers": SAMPLE,
     "times itineraries": record,
     "increments horizon": sample,
     "accuracy impacts scheme rng workers budget": partial(

@@ -88,19 +88,24 @@ def test_bad_input_is_refused_before_any_block_runs(case, monkeypatch):
 STEADY = Scene(alpha=0.0, epsilon=0.9, beta1=0.1, gamma1=0.0, stages=1, start=Start(0.0, 0.0, 1e-3))
 DAMPED = replace(STEADY, beta1=20.0)
 NARROW = replace(DAMPED, gap1=1e-9, start=Start(0.0, 0.0, 2.0))
-PAIR = dat21()
-DRIVE_RATE = math.hypot(1.0, PAIR.beta1)  # of the drive
-LOUD = 0.25 * (0.5 / (35.0 * DRIVE_RATE)) ** (2.0 / 3.0)
+TWO_WHEELS = dat21()
+DRIVE_RATE = math.hypot(1.0, TWO_WHEELS.beta1)  # of the drive
+STRONG_NOISE = 0.25 * (0.5 / (35.0 * DRIVE_RATE)) ** (2.0 / 3.0)
 STEP_LIMITS = [
     (DAMPED, LOCATED, 0.05, "makes the damping unstable"),
     (STEADY, LOCATED, math.pi / 10.0, "cannot follow the excitation"),
     (DAMPED, EXACT, 0.01, "cannot follow the damping"),
     (NARROW, EXACT, 1e-9, "holds too many impacts"),
-    (replace(PAIR, gap1=0.1, start=Start(0.0, 0.1, 2.0, 0.5, 2.0, mesh=1)), EULER, 0.025, "gap"),
-    (dat21(35.0), EULER, LOUD, "noise"),
+    (
+        replace(TWO_WHEELS, gap1=0.1, start=Start(0.0, 0.1, 2.0, 0.5, 2.0, mesh=1)),
+        EULER,
+        0.025,
+        "gap",
+    ),
+    (dat21(35.0), EULER, STRONG_NOISE, "noise"),
     # dragged across the half gap the path is as fast as sqrt(4 gamma g)
-    (replace(PAIR, gamma1=50.0), EULER, 0.25 / 10.0, "gap"),
-    (replace(PAIR, alpha=40.0), EULER, 0.25 / math.sqrt(80.0 * DRIVE_RATE), "gap"),
+    (replace(TWO_WHEELS, gamma1=50.0), EULER, 0.25 / 10.0, "gap"),
+    (replace(TWO_WHEELS, alpha=40.0), EULER, 0.25 / math.sqrt(80.0 * DRIVE_RATE), "gap"),
     (dat21(tolerance=Tolerance(0.1, 0.3)), EULER, 0.25 * 0.2, "gap"),
 ]
 

@@ -10,15 +10,15 @@ from settings import ON_ITINERARY
 from rattle import Record, Scene, Start, follow, simulate
 from rattle.montecarlo import Ensemble
 
-GIVEN = {"paths": 4096, "impacts": 4, "rng": 3}
+SAMPLED = {"paths": 4096, "impacts": 4, "rng": 3}
 
 
 def test_moments_are_those_of_the_paths_that_follow_it():
     """An itinerary may end early; nothing else changes, and nothing is there that was not asked
     for."""
-    plain = simulate(NOISY, record=Record(raw=True), **GIVEN)
+    plain = simulate(NOISY, record=Record(raw=True), **SAMPLED)
     named = {"short": (-1, 1, 0, 0), "other": (-1, 1, -1, 1)}
-    kept = simulate(NOISY, record=Record(on_itinerary=True, itineraries=named), **GIVEN)
+    kept = simulate(NOISY, record=Record(on_itinerary=True, itineraries=named), **SAMPLED)
     assert kept.section.equals(plain.section)
     orbit = follow(NOISY, 4)
     assert kept.plan.itineraries["noise-free"] == (*(orbit.mesh * orbit.side)[1:],)
@@ -41,7 +41,7 @@ def test_moments_are_those_of_the_paths_that_follow_it():
 
 
 def test_without_noise_nothing_leaves_and_a_resting_orbit_has_no_follower():
-    assert simulate(NOISY.noise_free, record=ON_ITINERARY, **GIVEN).leaving.empty
+    assert simulate(NOISY.noise_free, record=ON_ITINERARY, **SAMPLED).leaving.empty
     start = Start(0.0, 0.0, 0.1)
     damped = Scene(alpha=0.05, epsilon=0.5, beta1=0.5, gamma1=0.0, stages=1, sigma=0.3, start=start)
     run = simulate(damped, paths=64, impacts=2, record=ON_ITINERARY)

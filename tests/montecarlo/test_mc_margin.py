@@ -16,11 +16,11 @@ from rattle.montecarlo.schemes.step_state import Inside, Progress
 from rattle.scene.compiled import jit
 from rattle.scene.drive import sine_cosine
 
-H = 1e-3
+STEP = 1e-3
 WALL = 0.5
-TAU = -0.5 * math.pi - 0.5 * H  # the modulation is 1 to 1e-6 in this time
+TAU = -0.5 * math.pi - 0.5 * STEP  # the modulation is 1 to 1e-6 in this time
 # sd of the displacement half way, given both ends and the area
-SPREAD = H**1.5 / (8.0 * math.sqrt(3.0))
+SPREAD = STEP**1.5 / (8.0 * math.sqrt(3.0))
 SHARES = {2.0: (0.03104, 0.03421), 2.5: (0.00832, 0.00958)}
 """Of a path at rest beside the wall in so many of these sds, between the margins of 1.5 and 6:
 shares of 2 million Brownian paths in 400 pieces, their increment and area projected out, that come
@@ -36,7 +36,7 @@ def share_that_hits(c, key, paths, distance, scratch):
         for state in (scratch.state, scratch.whole):
             state[0] = WALL - distance
             state[1] = 0.0
-        at = Progress(0, TAU, H, Noise(0.0, 0.0))
+        at = Progress(0, TAU, STEP, Noise(0.0, 0.0))
         step = Inside(c, key, np.uint64(p), 0, 0, True, False, scratch)
         after, _ = advance_exactly(step, 0, at, sine_cosine(TAU))
         hits += after.code != 0

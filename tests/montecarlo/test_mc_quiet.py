@@ -48,17 +48,17 @@ def test_a_tenth_of_the_impacts_gives_what_is_asked_for():
 
 
 WHEEL = Wheel(gamma=3.0, gap=0.5, epsilon=0.5)
-SECOND = replace(WHEEL, mass=0.7)
-THIRD = replace(WHEEL, mass=1.3)
-QUIET = Scene(
-    alpha=1.0, sigma=0.05, wheels=(WHEEL, replace(SECOND, parent=1), replace(THIRD, parent=2))
+LIGHTER = replace(WHEEL, mass=0.7)
+HEAVIER = replace(WHEEL, mass=1.3)
+QUIET_TREE = Scene(
+    alpha=1.0, sigma=0.05, wheels=(WHEEL, replace(LIGHTER, parent=1), replace(HEAVIER, parent=2))
 )
-STAR = (WHEEL, replace(SECOND, ratio=1.2), replace(THIRD, ratio=0.8))
+STAR = (WHEEL, replace(LIGHTER, ratio=1.2), replace(HEAVIER, ratio=0.8))
 ELASTIC = replace(WHEEL, epsilon=0.9)
 LIFTED = (ELASTIC, replace(ELASTIC, parent=1, mass=1.5))
 PRESSED = {
-    "a chain": (QUIET, 3.0),
-    "three at the driver": (replace(QUIET, wheels=STAR), 1.0 + 1.2**2 * 0.7 + 0.8**2 * 1.3),
+    "a chain": (QUIET_TREE, 3.0),
+    "three at the driver": (replace(QUIET_TREE, wheels=STAR), 1.0 + 1.2**2 * 0.7 + 0.8**2 * 1.3),
     "two that noise lifts": (Scene(alpha=1.5, sigma=0.1, wheels=LIFTED), 2.5),
 }
 """Wheels whose meshes are pressed shut, and the mass that the noise moves."""

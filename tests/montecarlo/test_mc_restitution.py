@@ -28,7 +28,7 @@ from rattle.scene.impact import contact_matrix, rebound_bend, strike
 from rattle.scene.sticking import as_bodies
 
 BY_PATH = Restitution(sd=0.1, draw="path")
-FALLING = Restitution(speed=3.0)
+SLOWING = Restitution(speed=3.0)
 RESTITUTION_ROWS = ((0.1, 0.9), (0.4, 0.9), (0.5, 0.7), (2.0, 0.6), (3.0, 0.0))
 MEASURED = Restitution(table=RESTITUTION_ROWS)
 BALL_PATHS = 20_000
@@ -60,7 +60,7 @@ def test_restitution_is_drawn_once_a_path_or_anew_at_each_impact(draw):
 
 def test_a_restitution_that_falls_with_the_speed_returns_what_it_says():
     """Of a ball without noise every launch is known."""
-    orbit = follow(ball(FALLING, launch=8.0), 6)
+    orbit = follow(ball(SLOWING, launch=8.0), 6)
     w = np.abs(orbit.before[1:, 1])
     assert np.abs(orbit.after[1:, 1]) == pytest.approx(0.9 * w * (1.0 + w / 3.0) ** -0.25)
 
@@ -89,7 +89,7 @@ def test_a_table_is_met_and_falls_everywhere():
     assert (np.diff(epsilon) <= 1e-15).all()
 
 
-@pytest.mark.parametrize("law", [FALLING, MEASURED])
+@pytest.mark.parametrize("law", [SLOWING, MEASURED])
 @pytest.mark.parametrize("speed", [0.05, 0.45, -0.45, 1.3, -2.9, 4.0])
 def test_derivatives_of_a_returned_speed_are_its_differences(law, speed):
     c = ball(law).constants

@@ -16,7 +16,7 @@ C1 = 0.04
 C2 = 0.02
 BOUNCING_PATHS = 4000
 UNIFORM_WALLS = stats.uniform(-1.0, 2.0)
-NORMAL_WALLS = stats.truncnorm(-2.0, 2.0, scale=0.5)
+TRUNCATED = stats.truncnorm(-2.0, 2.0, scale=0.5)
 
 
 def free(distribution, draw, mesh=1, times=(), impacts=4):
@@ -39,8 +39,8 @@ def fits(values, distribution):
 
 
 WALL_CASES = [
-    ("uniform", "path", 2, UNIFORM_WALLS, NORMAL_WALLS),
-    ("normal", "contact", 1, NORMAL_WALLS, UNIFORM_WALLS),
+    ("uniform", "path", 2, UNIFORM_WALLS, TRUNCATED),
+    ("normal", "contact", 1, TRUNCATED, UNIFORM_WALLS),
 ]
 
 

@@ -11,7 +11,7 @@ from programs import python
 
 pytestmark = pytest.mark.slow
 
-CASES = "exact-flight, kernel alone", "corrected, driven"
+TIMED_CASES = "exact-flight, kernel alone", "corrected, driven"
 """No more than one sampler and one closure, for the process compiles all for itself."""
 CASES_FILE = ROOT / "tests" / "interpreted" / "cases.py"
 NEEDED = ("avx2", "fma", "bmi", "bmi2", "lzcnt", "popcnt", "f16c", "movbe")
@@ -28,7 +28,7 @@ AS_ON_HASWELL = {
 
 def numbers(**environment):
     """The numbers of cases of the tests of interpreted code, as another process makes them."""
-    return json.loads(python(CASES_FILE, *CASES, **environment).stdout)
+    return json.loads(python(CASES_FILE, *TIMED_CASES, **environment).stdout)
 
 
 def test_code_for_another_processor_gives_the_same_bits(tmp_path):

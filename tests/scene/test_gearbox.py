@@ -58,7 +58,7 @@ torque = 10.0
 [scene]
 sigma = 0.1
 """
-BOX = Scene.from_toml(BOX_TEXT)
+GEARBOX = Scene.from_toml(BOX_TEXT)
 
 # of the same gears, as an engineer reads the drawing: N mm as kg mm^2/s^2, angles in rad
 RADII = np.array([45.0, 33.0, 58.0, 25.0])
@@ -78,7 +78,7 @@ SPEEDS = np.array(
 def test_the_model_has_the_numbers_of_the_gears_in_millimetres_and_seconds():
     """Three toothings on two shafts, two radii of the driver, own restitutions, a mean speed."""
     unit = 0.12 * BOX_OMEGA**2  # mm/s^2
-    c = BOX.constants
+    c = GEARBOX.constants
     assert c.alpha == pytest.approx(0.012 * 30.0 / 0.12)
     forces = (DRAGS + DAMPINGS * SPEEDS) * RADII / INERTIAS
     expected = {
@@ -96,13 +96,13 @@ def test_the_model_has_the_numbers_of_the_gears_in_millimetres_and_seconds():
 
 
 def test_what_was_typed_is_kept_by_a_file_a_repr_and_a_copy():
-    for again in (Scene.from_toml(BOX.to_toml()), eval(repr(BOX), vars(rattle.scene))):
-        assert (again, again.gears.values) == (BOX, BOX.gears.values)
-    assert "torque_over_rpm" in BOX.to_toml()
-    wide = replace(BOX.gears, omega=200.0)
-    assert wide.wheels[0].torque == BOX.gears.wheels[0].torque  # the mean speed adds to it once
-    assert replace(BOX, sigma=0.2).gears is BOX.gears
-    assert replace(BOX, alpha=2.0).gears is None
+    for again in (Scene.from_toml(GEARBOX.to_toml()), eval(repr(GEARBOX), vars(rattle.scene))):
+        assert (again, again.gears.values) == (GEARBOX, GEARBOX.gears.values)
+    assert "torque_over_rpm" in GEARBOX.to_toml()
+    wide = replace(GEARBOX.gears, omega=200.0)
+    assert wide.wheels[0].torque == GEARBOX.gears.wheels[0].torque  # the mean speed adds to it once
+    assert replace(GEARBOX, sigma=0.2).gears is GEARBOX.gears
+    assert replace(GEARBOX, alpha=2.0).gears is None
 
 
 @pytest.mark.parametrize(
@@ -114,24 +114,24 @@ def test_what_was_typed_is_kept_by_a_file_a_repr_and_a_copy():
     ],
 )
 def test_a_value_of_a_wheel_by_name_and_by_number(name, words):
-    assert find_value(BOX, name, "over") == 60.0
-    shaft, fifth, first, last = BOX.gears.values["wheels"]
+    assert find_value(GEARBOX, name, "over") == 60.0
+    shaft, fifth, first, last = GEARBOX.gears.values["wheels"]
     wheels = [shaft, fifth, replace(first, torque=90.0), last]
-    assert change(BOX, {name: 90.0}).gears == replace(BOX.gears, wheels=wheels)
+    assert change(GEARBOX, {name: 90.0}).gears == replace(GEARBOX.gears, wheels=wheels)
     assert unit_of_value(name) == "N mm"
     assert words_of_value(name) == words
 
 
 def test_lengths_of_other_wheels_stay_when_the_unit_changes():
-    wide = BOX.with_gears(**{"wheel.shaft.backlash": 0.24, "speed_rpm": 1500.0})
-    assert wide.gears.amplitude == BOX.gears.amplitude
+    wide = GEARBOX.with_gears(**{"wheel.shaft.backlash": 0.24, "speed_rpm": 1500.0})
+    assert wide.gears.amplitude == GEARBOX.gears.amplitude
     last = wide.tree[3]
-    assert last.gap == pytest.approx(0.5 * BOX.tree[3].gap)
+    assert last.gap == pytest.approx(0.5 * GEARBOX.tree[3].gap)
     assert wide.start.values[6] == last.gap  # on its flank
-    assert wide.gears.tree[1].torque > BOX.gears.tree[1].torque  # its table is read again
-    assert change(BOX, {"wheel.4.gap": 0.7, "start.y4": 1.0}).start.values[6:] == (0.7, 1.0)
+    assert wide.gears.tree[1].torque > GEARBOX.gears.tree[1].torque  # its table is read again
+    assert change(GEARBOX, {"wheel.4.gap": 0.7, "start.y4": 1.0}).start.values[6:] == (0.7, 1.0)
     names = ("shaft", "fifth", "first", "4")
-    assert (BOX.wheel_names, BOX.gears.wheel_names) == (names, names)
+    assert (GEARBOX.wheel_names, GEARBOX.gears.wheel_names) == (names, names)
 
 
 def written(old, new, text=BOX_TEXT):

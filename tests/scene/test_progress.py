@@ -94,7 +94,7 @@ def test_a_program_on_a_terminal_shows_that_it_compiles_and_takes_it_away():
     assert [line for line in seen if line] == ["answer"]
 
 
-WORKER = """
+FORKED = """
 import multiprocessing
 p = multiprocessing.get_context("fork").Process(target=twice, args=(1,))
 p.start()
@@ -106,7 +106,7 @@ p.join()
 @pytest.mark.parametrize(
     ("package", "how", "environment"),
     [
-        ("rattle", WORKER, {}),
+        ("rattle", FORKED, {}),
         ("rattle", "twice(1)", {"PYTEST_CURRENT_TEST": "a test"}),
         ("mine", "twice(1)", {}),
     ],

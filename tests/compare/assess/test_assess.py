@@ -15,7 +15,7 @@ from rattle.compare.assess.assessment import describe_use
 from rattle.compare.assess.requirement import Fulfilment, read_requirement
 
 HELD = replace(DAT21, torque1=1e5, torque2=1e5)  # more drag than the drive can overcome
-ASKED = {"require": None, "slow": 0.1, "rng": 0, "workers": 1, "progress": None}
+ASSESSED_WITH = {"require": None, "slow": 0.1, "rng": 0, "workers": 1, "progress": None}
 
 
 @pytest.fixture(scope="module")
@@ -98,11 +98,11 @@ def test_a_closure_is_used_only_where_it_is_accurate():
 )
 def test_bad_input_is_named_before_any_work(settings, message):
     with refusal(message):
-        assess_in_rounds(dat21(0.5), **{"budget": 60.0, **ASKED, **settings})
+        assess_in_rounds(dat21(0.5), **{"budget": 60.0, **ASSESSED_WITH, **settings})
 
 
 def test_a_larger_budget_gives_a_first_answer_and_a_better_one():
-    first, better = assess_in_rounds(HELD, budget=24.0, **ASKED)
+    first, better = assess_in_rounds(HELD, budget=24.0, **ASSESSED_WITH)
     assert first.motion is better.motion  # exact already
 
 

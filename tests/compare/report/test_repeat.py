@@ -140,7 +140,7 @@ def test_without_the_tables_only_digests_are_compared(first, tmp_path):
     )
 
 
-TAU = {
+TAU_ROW = {
     "quantity": "tau",
     "predicted": 1.0,
     "simulated": 2.0,
@@ -150,7 +150,7 @@ TAU = {
     "paths": 100,
     "paths_needed": 1e9,
 }
-Y1 = TAU | {
+Y1 = TAU_ROW | {
     "quantity": "y1",
     "predicted": np.nan,
     "simulated": -1.5,
@@ -160,8 +160,8 @@ Y1 = TAU | {
 }
 
 
-def compared(tau=TAU, y1=Y1):
-    return difference(pd.DataFrame([TAU, Y1]), pd.DataFrame([tau, y1]), paths=100)
+def compared(tau=TAU_ROW, y1=Y1):
+    return difference(pd.DataFrame([TAU_ROW, Y1]), pd.DataFrame([tau, y1]), paths=100)
 
 
 def test_differences_are_in_sds_and_in_standard_errors():
@@ -186,7 +186,7 @@ def test_differences_are_in_sds_and_in_standard_errors():
 def test_the_bound_of_what_is_sampled_is_in_standard_errors_and_else_of_the_digits(
     name, value, is_rounding
 ):
-    assert (compared(TAU | {name: value}).excess < 1.0) == is_rounding
+    assert (compared(TAU_ROW | {name: value}).excess < 1.0) == is_rounding
     inside, outside = (-1.5 + of * SAMPLED_ROUNDING * 0.05 for of in (0.9, 1.1))
     assert compared(y1=Y1 | {"simulated": inside}).excess < 1.0
     assert compared(y1=Y1 | {"simulated": outside}).excess >= 1.0

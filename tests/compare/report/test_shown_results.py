@@ -21,7 +21,7 @@ import rattle as rt
 from rattle.scene import OutputError
 
 SHOWN_SCENE = dat21(0.1)
-DRAWN = ["orbit", "prediction", "run", "validation", "long run"]
+SHOWN = ["orbit", "prediction", "run", "validation", "long run"]
 
 
 @pytest.fixture(scope="module")
@@ -43,7 +43,7 @@ def results():
 def test_every_result_has_a_short_repr_and_most_a_table(results):
     # a dozen lines in a notebook
     assert not [name for name, result in results.items() if len(repr(result)) > 800]
-    for name in DRAWN:
+    for name in SHOWN:
         assert "<table" in results[name]._repr_html_(), name
         assert 2 <= len(repr(results[name]).splitlines()) <= 12
     assert "seed 7" in repr(results["run"])
@@ -140,7 +140,7 @@ def test_a_notebook_shows_a_figure_once():
     assert pictures == [0, 1, 1, 1, 0]
 
 
-@pytest.mark.parametrize("name", DRAWN)
+@pytest.mark.parametrize("name", SHOWN)
 def test_every_result_draws_itself_and_gives_a_dataset_with_units(results, name):
     figure = results[name].plot()
     assert isinstance(figure, Figure)

@@ -158,7 +158,7 @@ def model(bias):
     return CostModel(scheme, first, 0.0, 1e-9, 0.0, bias, first)
 
 
-MEASURED = CostPoint(
+POINT = CostPoint(
     method="exact-flight",
     kind="scheme",
     accuracy=0.3,
@@ -185,8 +185,8 @@ def test_extrapolated_costs_grow_as_they_should_and_are_flagged(bias, power):
 
 def test_the_cheapest_method_is_that_of_least_counted_work():
     """Whatever the clock said while they ran."""
-    quick = MEASURED._replace(method="euler-maruyama", work=9.0)
-    busy = MEASURED._replace(core_seconds=60.0, work=2.0)
+    quick = POINT._replace(method="euler-maruyama", work=9.0)
+    busy = POINT._replace(core_seconds=60.0, work=2.0)
     assert cheapest(pd.DataFrame([quick, busy]), 0.3)["method"] == "exact-flight"
 
 
@@ -197,9 +197,9 @@ def test_a_run_that_promised_too_much_is_found_out():
         for n in (300, 30_000)
     )
     own = model(0.0)
-    (fair,) = _compare(MEASURED, small, own, large)
+    (fair,) = _compare(POINT, small, own, large)
     assert not fair.missed
-    missed, beside = _compare(MEASURED._replace(accuracy=0.001), small, own, large)
+    missed, beside = _compare(POINT._replace(accuracy=0.001), small, own, large)
     assert missed.missed
     assert missed.error == missed.actual_error > 0.001
     assert not beside.measured

@@ -96,7 +96,11 @@ def late_sticking(scene, impacts):
 
 OUTSIDE = (montecarlo, "simulate", outside_walls)
 # by the remainder of a rounded period
-ROUNDED = (Scene, "phase", property(lambda scene: math.remainder(scene.start.tau, 2.0 * math.pi)))
+ROUNDED_PHASE = (
+    Scene,
+    "phase",
+    property(lambda scene: math.remainder(scene.start.tau, 2.0 * math.pi)),
+)
 DRIFTING = (long_orbit, "LongOrbit", Drifting)
 LATE = (orbit, "follow", late_sticking)
 
@@ -130,8 +134,8 @@ NEGATIVE_CONTROLS = {
         "mean_map",
         lambda s, **k: mean_map(s.with_sigma(s.sigma + 1e-9), **k),
     ),
-    "phases": ROUNDED,
-    "whole_periods": ROUNDED,
+    "phases": ROUNDED_PHASE,
+    "whole_periods": ROUNDED_PHASE,
     "absolute_times": (validation, "validate", louder_when_late),
     "energy": DRIFTING,
     "elastic_flights": DRIFTING,
