@@ -32,16 +32,10 @@ LEVERS = "the levers"
 NOT_LEVERS = ("sigma", "correlation_time")  # parameters of the noise, which no one can turn
 
 
-class Shares(NamedTuple):
-    """Shares of a budget."""
-
-    motion: float
-    levers: float
-    closures: float
-
-
-# the levers take nine scenes or more, each as long as the motion itself
-ASSESS_SHARES = Shares(motion=0.25, levers=0.5, closures=0.25)
+# shares of a budget; the levers take nine scenes or more, each as long as the motion itself
+MOTION_SHARE = 0.25
+LEVERS_SHARE = 0.5
+RANGES_SHARE = 0.25 / len(CLOSURES_ASSESSED)
 
 
 class _Work(NamedTuple):
@@ -139,17 +133,17 @@ def assess_in_rounds(
     requirement = None if require is None else read_requirement(require, scene.stages)
     work = _Work(slow, read_whole_seed(rng), workers, progress)
     blank = Assessment(scene, rattle_threshold(scene), budget=budget, requirement=requirement)
-    return _assess_rounds(blank, work)
 
+    def rounds() -> Iterator[Assessment]:
+        """A first assessment within `FIRST_BUDGET`, and one of what is left of a larger budget."""
+        began = clock()
+        rough = _assess_within(blank, work, min(FIRST_BUDGET, budget))
+        yield replace(rough, spent=clock() - began)
+        left = budget - (clock() - began)
+        if budget >= REFINED_FROM and left > 0.0:
+            yield replace(_assess_within(rough, work, left), spent=clock() - began)
 
-def _assess_rounds(blank: Assessment, work: _Work) -> Iterator[Assessment]:
-    """A first assessment within `FIRST_BUDGET`, and one of what is left of a larger budget."""
-    began = clock()
-    rough = _assess_within(blank, work, min(FIRST_BUDGET, blank.budget))
-    yield replace(rough, spent=clock() - began)
-    left = blank.budget - (clock() - began)
-    if blank.budget >= REFINED_FROM and left > 0.0:
-        yield replace(_assess_within(rough, work, left), spent=clock() - began)
+    return rounds()
 
 
 def _assess_within(known: Assessment, work: _Work, budget: float) -> Assessment:
@@ -159,20 +153,20 @@ def _assess_within(known: Assessment, work: _Work, budget: float) -> Assessment:
     missing: dict[str, str] = {}
 
     def measure(
-        part: str, shown: str, question: Callable[..., Any], budget: float, **settings: Any
+        part: str, question: Callable[..., Any], share: float, shown: str = "", **settings: Any
     ) -> Any:
         """A part of the answer; None, and the reason, where it cannot be known.
 
-        `shown`: What its bar says.
+        `shown`: What its bar says in place of the part.
         """
         do(f"assess: {part}")
         try:
             return question(
                 scene,
-                budget=budget,
+                budget=share * budget,
                 rng=work.seed,
                 workers=work.workers,
-                progress=work.progress and f"{work.progress}: {shown}",
+                progress=work.progress and f"{work.progress}: {shown or part}",
                 **settings,
             )
         except InputError as error:
@@ -182,21 +176,13 @@ def _assess_within(known: Assessment, work: _Work, budget: float) -> Assessment:
     motion = known.motion
     run = motion.run if motion else None
     if motion is None or (run is not None and run.reach is not None and not run.reach.reached):
-        motion = measure(
-            LONG_RUN,
-            LONG_RUN,
-            stationary,
-            ASSESS_SHARES.motion * budget,
-            slow=work.slow,
-            closures=(),
-        )
+        motion = measure(LONG_RUN, stationary, MOTION_SHARE, slow=work.slow, closures=())
     levers = None
     if motion is not None and motion.kind != "rest":
         levers = measure(
             LEVERS,
-            LEVERS,
             sensitivity,
-            ASSESS_SHARES.levers * budget,
+            LEVERS_SHARE,
             slow=work.slow,
             quantities=[LOUDNESS, "rate_above"],
             parameters=[name for name in find_parameters(scene) if name not in NOT_LEVERS],
@@ -204,9 +190,9 @@ def _assess_within(known: Assessment, work: _Work, budget: float) -> Assessment:
     closures = [
         measure(
             f"`{closure}`",
-            f"the range of {closure}",
             boundary,
-            ASSESS_SHARES.closures * budget / len(CLOSURES_ASSESSED),
+            RANGES_SHARE,
+            f"the range of {closure}",
             closure=closure,
             impacts=ASSESSED_IMPACTS,
             between=(scene.sigma / SEARCHED_DOWN, scene.sigma) if scene.sigma else None,

@@ -151,19 +151,6 @@ def run_up(
         why = f"is too short: {ramp.periods} periods of the excitation for {points} speeds"
         raise InputError("seconds", seconds, f"{why}; give more of them, or fewer points")
     ramp.stretches(COARSER)  # a speed that the gears cannot have is refused before any work
-    return _measure(ramp, points, budget, seed, workers, progress)
-
-
-def _measure(
-    ramp: SpeedRamp,
-    points: int,
-    budget: float,
-    seed: np.random.SeedSequence,
-    workers: int,
-    progress: str | None,
-) -> RunUp:
-    """Follow the constant speeds, then the ramp, as far as the budget goes."""
-    scene = ramp.scene
     compile_ahead.expect("stationary", len(scene.drive))
     limit = Budget(budget + CLOCK_SPARE[0] * budget + CLOCK_SPARE[1])
     do("run-up: compiling")
