@@ -19,7 +19,14 @@ from rattle.compare.chaos.record import STICKS_AT_TIMES, STICKS_FOR_GOOD, STICKS
 from rattle.compare.chaos.section import MAP, NOISY, ORBIT_SECTION, Section
 from rattle.compare.chaos.spectrum import SEQUENCE, VELOCITY_IN_TIME, Spectra, Spectrum
 from rattle.compare.chaos.sweep import Bifurcation
-from rattle.compare.report.style import SYMBOL, axis_label, legend_above, new_figure, new_panels
+from rattle.compare.report.style import (
+    SYMBOL,
+    axis_label,
+    error_bars,
+    legend_above,
+    new_figure,
+    new_panels,
+)
 from rattle.compare.report.texts import REPORT_TEXTS
 from rattle.scene import Bools, Floats, Gears
 
@@ -205,9 +212,8 @@ def bifurcation_figure(
 
 def _intervals(ax: Axes, table: pd.DataFrame, name: str, **style: Any) -> None:
     """Draw values over the distance of two paths, with their intervals."""
-    value = table[name]
-    half = [value - table["low"], table["high"] - value]
-    ax.errorbar(table["delta"], value, half, ms=5, capsize=2, **style, **SIDE[NOISY])
+    bars = error_bars(table, name)
+    ax.errorbar(table["delta"], table[name], bars, ms=5, capsize=2, **style, **SIDE[NOISY])
 
 
 def finite_size_figure(table: pd.DataFrame, orbit: Exponents, drift: Exponents) -> Figure:

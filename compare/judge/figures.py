@@ -9,7 +9,14 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from rattle.compare.judge.verdict import JUDGED, Tolerances
-from rattle.compare.report.style import ACCURATE_COLOUR, STYLE, SYMBOL, legend_above, new_panels
+from rattle.compare.report.style import (
+    ACCURATE_COLOUR,
+    STYLE,
+    SYMBOL,
+    error_bars,
+    legend_above,
+    new_panels,
+)
 
 LINEAR_ERRORS = 0.1  # the axis of errors is linear up to this many sds, logarithmic beyond
 PANELS_IN_A_ROW = 4
@@ -42,11 +49,11 @@ def error_panel(
     ax.axhline(0.0, color="0.4", lw=0.8)
     for closure, shift in offsets(closures).items():
         of_closure = rows[rows["closure"] == closure]
-        error, low, high = (of_closure[n] / of_closure["unit"] for n in ("error", "low", "high"))
+        scaled = of_closure[["error", "low", "high"]].div(of_closure["unit"], axis="index")
         at = of_closure["at"] + shift
-        bars = [error - low, high - error]
         style = {"label": closure, "ms": 4, **STYLE[closure]}
-        ax.errorbar(at, error, bars, ls="none", capsize=2, **style)
+        bars = error_bars(scaled, "error")
+        ax.errorbar(at, scaled["error"], bars, ls="none", capsize=2, **style)
     if rows.empty:
         place = ax.transAxes
         ax.text(0.5, 0.75, "no closure predicts it", transform=place, ha="center", color="0.35")

@@ -264,23 +264,9 @@ def cells(
     return cell, (), {}
 
 
-BY_MESH = re.compile(r"(_mesh\d+)?")
-BY_QUANTILE = re.compile(r"q(05|50|95)_")
-PANELS = (
-    ("impacts", r"per $1/\omega$", "rate", BY_MESH),
-    ("energy lost", r"$I_1/R_1^2\,(\nu_1\omega)^2$ per period", "energy_per_period", BY_MESH),
-    ("speed: 5, 50 and 95 %", r"$\nu_1\omega$", "speed", BY_QUANTILE),
-    ("slow impacts", "share", "slow_share", BY_MESH),
-)
-"""Title of each panel, its unit, its quantity, and what is beside that in the names that it shows:
-all meshes, or quantiles."""
-PHYSICAL_PANELS = (
-    ("impacts that are not slow", "per second", "rate_above", BY_MESH),
-    ("energy lost", "mW", "power", BY_MESH),
-    ("their speed: 5, 50, 95 %", "mm/s", "speed_above", BY_QUANTILE),
-    PANELS[-1],
-)
-"""The same where a value of the gears varies in its own unit."""
+PANELS: dict[str, list[dict[str, str]]] = STATIONARY_TEXTS["panels"]
+"""Title of each panel, its unit, and a pattern of the quantities that it shows: at all meshes, or
+quantiles; physical where a value of the gears varies in its own unit."""
 AVERAGES = ("speed", "slow_share", "energy_per_period")
 """Quantities whose autocorrelation is drawn."""
 STYLES: Any = REPORT_TEXTS["marks"]["lines"]
@@ -293,18 +279,16 @@ def study_figure(study: Study, quantities: pd.DataFrame, verdicts: pd.DataFrame)
     names = [str(name) for name in quantities["quantity"].unique()]
     figure, axes = new_figure(10.0, 6.0, 2, 3)
     of: dict[Any, Any] = dict(iter(quantities.groupby("quantity")))
-    panels_shown = PHYSICAL_PANELS if "unit" in quantities else PANELS
-    for ax, (title, unit, quantity, beside) in zip(axes, panels_shown, strict=False):
-        shown_here = [
-            n for n in names if quantity in n and beside.fullmatch(n.replace(quantity, ""))
-        ]
+    units = "physical" if "unit" in quantities else "dimensionless"
+    for ax, panel in zip(axes, PANELS[units], strict=False):
+        shown_here = [name for name in names if re.fullmatch(panel["names"], name)]
         for name, style in zip(shown_here, cycle(STYLES), strict=False):
             rows = of[name].sort_values(along)
             band = {"color": style["color"], "alpha": 0.25, "lw": 0}
             ax.fill_between(along, "low", "high", data=rows, **band)
             ax.plot(along, "value", data=rows, label=label_quantity(study.scene, name), **style)
-        ax.set_title(title, loc="left")
-        ax.set_ylabel(unit)
+        ax.set_title(panel["title"], loc="left")
+        ax.set_ylabel(panel["unit"])
     memory, shown = axes[4:]
     averages = [name for name in names if name in AVERAGES]
     for name, style in zip(averages, STYLES, strict=False):

@@ -12,19 +12,20 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import NullFormatter
 
-from rattle.compare.report.style import OWN_COLORS, STYLE, SYMBOL, legend_above, new_figure
+from rattle.compare.report.style import (
+    OWN_COLORS,
+    STYLE,
+    SYMBOL,
+    error_bars,
+    legend_above,
+    new_figure,
+)
 from rattle.compare.report.texts import REPORT_TEXTS
 from rattle.montecarlo.settings import EXACT_SCHEME
 from rattle.scene.types import MOST_WHEELS
 
 SCHEME_STYLES: Any = REPORT_TEXTS["marks"]["schemes"]
-MEASURED_MARK = Line2D([], [], ls="-", marker="D", ms=5, color="0.4", label="measured")
-EXTRAPOLATED = Line2D(
-    [], [], ls="--", marker="D", ms=5, mfc="none", color="0.4", label="extrapolated"
-)
-MISSED = Line2D(
-    [], [], ls="none", marker="D", ms=5, color="0.4", alpha=0.35, label="missed: too few paths"
-)
+POINT_STYLES: Any = REPORT_TEXTS["marks"]["tradeoff"]
 
 
 def tradeoff_figure(
@@ -61,7 +62,7 @@ def tradeoff_figure(
         xlabel="processor time (core-seconds)",
         ylabel="error of the section means and sds / sd of each quantity",
     )
-    handles += [MEASURED_MARK, EXTRAPOLATED, MISSED]
+    handles += [Line2D([], [], label=label, **style) for label, style in POINT_STYLES.items()]
     figure.legend(handles=handles, loc="outside right upper", fontsize=8.0, frameon=False)
     return figure
 
@@ -109,7 +110,7 @@ def _changes(ax: Axes, changes: pd.DataFrame) -> None:
     ax.set_xscale("log", base=2)
     ax.set_yscale("log")
     for quantity, rows in changes.groupby("quantity", sort=False):
-        away = [rows["change"] - rows["low"], rows["high"] - rows["change"]]
+        away = error_bars(rows, "change")
         style = QUANTITY_STYLES.get(str(quantity), {"color": "k", "marker": "o"})
         label = SYMBOL.get(str(quantity), "itinerary")
         ax.errorbar(rows["dt"], rows["change"], away, ms=4, lw=1.1, capsize=2, label=label, **style)

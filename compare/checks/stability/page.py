@@ -30,7 +30,7 @@ from rattle.compare.report.texts import REPORT_TEXTS, glossary
 from rattle.scene import Scene
 
 CHART_MARKS: Any = REPORT_TEXTS["marks"]["stability"]
-REFUSED_COLOUR = "#E8E8E8"
+OTHER_MARKS: Any = REPORT_TEXTS["marks"]["map"]
 DEFAULT_OFFSET = 0.28  # horizontal offset of the cell at the default step, in columns
 
 
@@ -93,7 +93,7 @@ def _draw_panel(ax: Axes, part: pd.DataFrame) -> None:
     high = 2.5 * part["dt"].max()
     edges = [-0.5, *range(len(values)), len(values) - 0.5]
     line = longest.iloc[[0, *range(len(values)), -1]]
-    ax.fill_between(edges, line, high, color=REFUSED_COLOUR, lw=0)
+    ax.fill_between(edges, line, high, color=OTHER_MARKS["refused"]["color"], lw=0)
     ax.plot(edges, line, color="k", lw=1.3)
     cells: Any = part.itertuples()
     for cell in cells:
@@ -112,12 +112,7 @@ def _legend(verdicts: set[str]) -> list[Line2D]:
     marks: dict[str, Facts] = {
         name: {"ms": 6, **style} for name, style in CHART_MARKS.items() if name in verdicts
     }
-    marks |= {
-        "hollow: with a diagnostic": {"marker": "s", "ms": 6, "mfc": "white", "mec": "k"},
-        "longest admissible step": {"ls": "-", "lw": 1.3, "color": "k"},
-        "refused": {"marker": "s", "ms": 9, "color": REFUSED_COLOUR},
-        "small, to the right: the default step": {"marker": "o", "ms": 4, "color": "k"},
-    }
+    marks |= OTHER_MARKS
     return [Line2D([], [], label=label, **{"ls": "", **style}) for label, style in marks.items()]
 
 
