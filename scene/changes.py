@@ -13,22 +13,15 @@ from typing import Any
 
 from rattle.scene.errors import InputError, nearest, non_negative
 from rattle.scene.gears import DRIVES, NUMBERED, check_typed, values_of
-from rattle.scene.gears_input import UNIT, read_drive
+from rattle.scene.gears_input import read_drive
 from rattle.scene.loose_wheel import OF_MODEL, WHEEL_VALUE, kind_of_value, spell_value
 from rattle.scene.noise import DRIVE_NOISE
 from rattle.scene.parts import Start, Tolerance, Wheel, move_to_flanks
 from rattle.scene.scene import Scene
 from rattle.scene.types import Facts, state_names
+from rattle.scene.words import TEXTS
 
-ORDER_UNITS = {
-    "amplitude": "",
-    "amplitude_mm": "mm",
-    "amplitude_rad": "rad",
-    "phase": "rad",
-    "phase_degrees": "degrees",
-}
-"""Values of an order of the drive as a scene file has them, and their units; ``amplitude`` is
-relative to that of the drive."""
+ORDER_UNITS = TEXTS["order_units"]
 ORDER_FIELD = re.compile(rf"drive\.([1-9][0-9]*)\.({'|'.join(ORDER_UNITS)})")
 """A value of one order of the drive, such as ``drive.2.amplitude``."""
 DRAWN = {f"tolerance.backlash{mesh}": f"c{mesh}_max" for mesh in (1, 2)}
@@ -37,29 +30,6 @@ SWEPT = ("alpha", "epsilon", "beta1", "beta2", "gamma1", "gamma2", "mu", "gap1",
 """Fields of one or two wheels in a row that are a number each, over which a sweep may go."""
 # not of a single stage
 SECOND = ("beta2", "gamma2", "mu", "gap2", "start.x2", "start.y2", "tolerance.c2_max")
-WHEEL_WORDS = {
-    "inertia": "inertia of wheel {}",
-    "radius": "radius of wheel {}",
-    "parent_radius": "radius at which wheel {} is driven",
-    "backlash": "backlash at mesh {}",
-    "backlash_tolerance": "tolerance of the backlash at mesh {}",
-    "damping": "damping of wheel {}",
-    "torque": "drag torque on wheel {}",
-    "epsilon": "restitution at mesh {}",
-    "stiffness": "stiffness of the spring of wheel {}",
-}
-VALUE_WORDS = {
-    "alpha": "excitation amplitude",
-    "amplitude": "amplitude of the drive",
-    "amplitude_rad": "amplitude of the drive",
-    "omega": "frequency of the drive",
-    "epsilon": "restitution",
-    "driver_radius": "radius of the driver",
-    "speed_rpm": "mean speed of the driver",
-    "speed_rad_s": "mean speed of the driver",
-    "sigma": "noise intensity",
-    "correlation_time": "correlation time of the noise",
-}
 
 
 def spell(scene: Scene, name: str) -> str:
@@ -271,7 +241,7 @@ def unit_of_value(name: str) -> str:
     """The unit of a value of gears or of a measured order; empty for one without a dimension."""
     if order := ORDER_FIELD.fullmatch(name):
         return ORDER_UNITS[order[2]]
-    return UNIT.get(kind_of_value(name), "")
+    return TEXTS["units"].get(kind_of_value(name), "")
 
 
 def words_of_value(name: str) -> str:
@@ -279,12 +249,12 @@ def words_of_value(name: str) -> str:
     if order := ORDER_FIELD.fullmatch(name):
         return f"{order[2].split('_')[0]} of order {order[1]} of the drive"
     if name in DRAWN:
-        return WHEEL_WORDS["backlash_tolerance"].format(name[-1])
+        return TEXTS["wheel_values"]["backlash_tolerance"].format(name[-1])
     if value := WHEEL_VALUE.fullmatch(name):
         label = value[1] or value[3]
         if label:
-            return WHEEL_WORDS.get(value[2], "").format(label)
+            return TEXTS["wheel_values"].get(value[2], "").format(label)
     part, _, field = name.partition(".")
     if part == "noise":
         return f"intensity of the noise of {field}"
-    return VALUE_WORDS.get(name, "")
+    return TEXTS["values"].get(name, "")

@@ -22,6 +22,7 @@ from rattle.scene.loose_wheel import LooseWheel, kind_of_value
 from rattle.scene.measured_drive import MeasuredDrive, measure_drive
 from rattle.scene.parts import Order
 from rattle.scene.types import Facts
+from rattle.scene.words import TEXTS
 
 GEAR_FIELDS = tuple(f.name for f in fields(Gears) if f.name != "wheels")
 REQUIRED = ("alpha", "epsilon", "omega", "inertia1", "radius1", "backlash1")
@@ -253,21 +254,7 @@ VALUES_OF = {
 }
 """What each parameter of a wheel follows from: values of it, of the first wheel, and of all."""
 
-UNIT = {
-    "omega": "rad/s",
-    "inertia": "kg mm^2",
-    "radius": "mm",
-    "parent_radius": "mm",
-    "backlash": "mm",
-    "backlash_tolerance": "mm",
-    "damping": "N mm s",
-    "torque": "N mm",
-    "amplitude": "mm",
-    "amplitude_rad": "rad",
-    "driver_radius": "mm",
-    "speed_rpm": "1/min",
-    "speed_rad_s": "rad/s",
-}
+UNIT = TEXTS["units"]
 IN_SI = {
     "inertia": ("kg m^2", 1e6),
     "radius": ("m", 1e3),
@@ -303,34 +290,55 @@ def _check_wheel(wheel: LooseWheel, names: Mapping[str, str]) -> None:
     backlash = wheel.backlash
     inertia = wheel.inertia
     size = f"{names['radius']} = {radius:g} mm"
-    volume = radius**5
-    for kind, value in (("radius", radius), ("parent_radius", wheel.parent_radius)):
-        if value is not None and value < SMALLEST_RADIUS:
-            raise _question(names[kind], value, "is smaller than any gear")
-    if backlash >= radius:
-        if radius < 1.0:
-            why = f"is no larger than {names['backlash']} = {backlash:g} mm"
-            raise _question(names["radius"], radius, why)
-        why = f"must be smaller than {size}"
-        raise _question(names["backlash"], backlash, why, ("um", 1e-3))
-    if backlash < LEAST_BACKLASH * radius:
-        why = f"is less than {size} grows in one kelvin"
-        raise _question(names["backlash"], backlash, why)
-    if inertia < LIGHTEST * volume:
-        why = f"is too little for a wheel of {size}, of whatever it is made"
-        raise _question(names["inertia"], inertia, why)
-    if inertia > HEAVIEST * volume:
-        if radius < 1.0:
-            why = f"is too small for {names['inertia']} = {inertia:g} kg mm^2"
-            raise _question(names["radius"], radius, why)
-        why = f"is too much for a wheel of {size}"
-        raise _question(names["inertia"], inertia, why, ("g mm^2", 1e-3))
-    if 0.0 < wheel.torque < LEAST_DRAG * inertia / radius:
-        why = (
-            f"is less than the bearing of a wheel of {inertia / radius**2:.2g} kg takes (0"
-            " leaves drag out)"
-        )
-        raise _question(names["torque"], wheel.torque, why)
+    lightest = LIGHTEST * radius**5
+    heaviest = HEAVIEST * radius**5
+    is_tiny = radius < 1.0
+    driven_at = radius if wheel.parent_radius is None else wheel.parent_radius
+    mass = inertia / radius**2
+    questions = (
+        ("radius", radius < SMALLEST_RADIUS, "is smaller than any gear", None),
+        ("parent_radius", driven_at < SMALLEST_RADIUS, "is smaller than any gear", None),
+        (
+            "radius",
+            is_tiny and backlash >= radius,
+            f"is no larger than {names['backlash']} = {backlash:g} mm",
+            None,
+        ),
+        ("backlash", backlash >= radius, f"must be smaller than {size}", ("um", 1e-3)),
+        (
+            "backlash",
+            backlash < LEAST_BACKLASH * radius,
+            f"is less than {size} grows in one kelvin",
+            None,
+        ),
+        (
+            "inertia",
+            inertia < lightest,
+            f"is too little for a wheel of {size}, of whatever it is made",
+            None,
+        ),
+        (
+            "radius",
+            is_tiny and inertia > heaviest,
+            f"is too small for {names['inertia']} = {inertia:g} kg mm^2",
+            None,
+        ),
+        (
+            "inertia",
+            inertia > heaviest,
+            f"is too much for a wheel of {size}",
+            ("g mm^2", 1e-3),
+        ),
+        (
+            "torque",
+            0.0 < wheel.torque < LEAST_DRAG * inertia / radius,
+            f"is less than the bearing of a wheel of {mass:.2g} kg takes (0 leaves drag out)",
+            None,
+        ),
+    )
+    for kind, is_asked, why, likely in questions:
+        if is_asked:
+            raise _question(names[kind], getattr(wheel, kind), why, likely)
 
 
 def of_gears(gears: Gears, error: InputError) -> InputError:
@@ -347,21 +355,13 @@ def of_gears(gears: Gears, error: InputError) -> InputError:
     else:
         number = 2 if error.field == "mu" else int(error.field[-1])
     of_wheel, of_first, of_all = VALUES_OF[kind]
-    wheel = gears.tree[number - 1]
-    example = DAT21.tree[min(number, 2) - 1]
     # values of the gears and of the paper's example
-    values = {
-        gears.name_of(number, one): (
-            getattr(wheel, one),
-            getattr(example, "radius" if one == "parent_radius" else one),
-        )
-        for one in of_wheel
-    }
-    first = DAT21.tree[0]
-    values |= {
-        gears.name_of(1, one): (getattr(gears.tree[0], one), getattr(first, one))
-        for one in of_first
-    }
+    values = {}
+    for at, kinds in ((number, of_wheel), (1, of_first)):
+        example = DAT21.tree[min(at, 2) - 1]
+        for one in kinds:
+            usual = getattr(example, one) or example.radius  # its driver's is not known
+            values[gears.name_of(at, one)] = getattr(gears.tree[at - 1], one), usual
     values |= {one: (getattr(gears, one), getattr(DAT21, one)) for one in of_all}
     sizes = {name: abs(math.log10(v / usual)) for name, (v, usual) in values.items() if v > 0.0}
     worst = max(sizes, key=lambda name: sizes[name])

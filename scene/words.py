@@ -2,11 +2,18 @@
 other system."""
 
 import re
+import tomllib
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from importlib.resources import files
 
 from rattle.scene.errors import InputError
+
+TEXTS: dict[str, dict[str, str]] = tomllib.loads(
+    files("rattle.scene").joinpath("texts.toml").read_text("utf-8")
+)
+"""What stands in ``texts.toml``."""
 
 
 @dataclass(frozen=True)
@@ -50,51 +57,14 @@ class Words:
 PAIR = Words()
 GEARBOX = Words(system="gearbox")
 
-IN_BOTH_CASES = {
-    "closed teeth open": "a closed contact opens",
-    "closed teeth stay closed": "a closed contact stays closed",
-    "closed teeth would stay closed": "a closed contact would stay closed",
-    "wheel": "body",
-    "wheels": "bodies",
-    "mesh": "contact",
-    "meshes": "contacts",
-    "meshes with": "strikes",
-    "mesh with itself": "strike itself",
-    "stage": "body",
-    "stages": "bodies",
-    "these gears": "this system",
-}
-CHANGES = {
-    "Does it rattle": "Does it keep striking",
-    "Threshold of rattle": "Threshold of impacts",
-    "does not rattle in the long run": "has no impacts in the long run",
-    "do not rattle in the long run": "have no impacts in the long run",
-    "rattles": "moves",
-    "rattle": "motion",
-    "opens closed teeth": "opens a closed contact",
-    "its closed teeth stay closed": "its closed contact stays closed",
-    "its closed teeth": "its closed contact",
-    "in which teeth bounce": "in which a body bounces",
-    "until they stay closed": "until it stays in contact",
-    "teeth are pressed shut so firmly": "a contact is pressed shut so firmly",
-    "teeth that are pressed shut": "contacts that are pressed shut",
-    "its teeth are": "it is",
-    "they open": "it opens",
-    "teeth": "contacts",
-    "gear set": "system",
-    "gear sets": "systems",
-    "of the same gears": "of the same system",
-    "driver and wheel 1": "driver and body 1",
-    "backlashes": "gaps",
-    "backlash": "gap",
-}
+IN_BOTH_CASES = TEXTS["of_bodies_in_both_cases"]
 BODIES = Words(
     wheel="body",
     mesh="contact",
     flank="wall",
     stage="body",
     system="system",
-    changes=CHANGES
+    changes=TEXTS["of_bodies"]
     | IN_BOTH_CASES
     | {old[0].upper() + old[1:]: new[0].upper() + new[1:] for old, new in IN_BOTH_CASES.items()},
 )
