@@ -272,15 +272,17 @@ class Gears:
         >>> Gears.driven(speed_rpm=1800.0, torque1_over_rpm=oil, **others).torque1
         70.0
         """
-        typed = {
+        given = {
             "amplitude": amplitude,
             "amplitude_rad": amplitude_rad,
             "speed_rpm": speed_rpm,
             "speed_rad_s": speed_rad_s,
             "driver_radius": driver_radius,
+            "torque1_over_rpm": torque1_over_rpm,
+            "torque2_over_rpm": torque2_over_rpm,
         }
-        typed = {name: value for name, value in typed.items() if value is not None}
-        tables = dict(zip(DRAG_TABLES, (torque1_over_rpm, torque2_over_rpm), strict=True))
+        typed: Facts = {name: value for name, value in given.items() if value is not None}
+        tables = {name: typed.pop(name) for name in DRAG_TABLES if name in typed}
         return cls._drive(typed, tables, values)
 
     @classmethod
@@ -289,25 +291,21 @@ class Gears:
         over speed, and the others."""
         given = [name for name in DRIVES if name in typed or values.get(name) is not None]
         if len(given) != 1:
-            raise InputError(
-                "gears",
-                given,
-                "give the drive once: " + ", ".join(DRIVES[:-1]) + f" or {DRIVES[-1]}",
-            )
+            why = "give the drive once: alpha, amplitude or amplitude_rad"
+            raise InputError("gears", given, why)
         speeds = [name for name in SPEEDS if name in typed]
         if len(speeds) == 2:
             raise InputError("gears", speeds, "give the mean speed of the driver once")
         has_wheels = are_given(values.get("wheels", ()))
-        given_tables = {name: table for name, table in tables.items() if table is not None}
         if has_wheels:
-            for name, table in given_tables.items():
+            for name, table in tables.items():
                 raise InputError(name, table, "give each wheel its own torque_over_rpm")
             wheels = read_wheels(values["wheels"])
             typed["wheels"] = wheels
             wheels = _share_radius(wheels, typed.get("driver_radius"))
             radius: Any = wheels[0].parent_radius
         else:
-            wheels = read_wheels(_numbered_wheels(values | given_tables), named=False)
+            wheels = read_wheels(_numbered_wheels(values | tables), named=False)
             radius = typed.get("driver_radius")
         _check_radius(radius, typed, has_wheels)
         amplitude = typed.get("amplitude")

@@ -1,18 +1,16 @@
 """What a simulation says of every section mean and sd, and of the error of what it says: the rows
 that closures are compared with."""
 
-from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rattle.montecarlo.diagnostics.accuracy import skewness_gains, smallest_sd
 from rattle.montecarlo.diagnostics.unseen import unseen
 from rattle.montecarlo.settings import is_random
 from rattle.montecarlo.statistics.intervals import ABSOLUTE, FEWEST_FOR_SD
-from rattle.montecarlo.statistics.section_statistics import SectionColumns, quantities_in
-from rattle.scene import Floats, Scene
+from rattle.montecarlo.statistics.section_statistics import quantities_in
+from rattle.scene import Scene
 from rattle.scene.table_entries import pick
 
 if TYPE_CHECKING:
@@ -75,8 +73,10 @@ def list_reference(run: Simulated) -> "pd.DataFrame":
     few = ~is_mean & is_random(run.scene) & (paths < FEWEST_FOR_SD)
     least = pd.DataFrame(smallest_sd(columns), index=section.index)
     hidden = unseen(run.scene, columns, int(section["paths"].max()))
-    at = impact.to_numpy() - 1, _number(columns, quantity)
+    place = pd.Index(quantities_in(columns)).get_indexer(pd.Index(quantity))
+    at = impact.to_numpy() - 1, place
     of_mean = is_mean.to_numpy()
+    gains = skewness_gains(columns, 1.0)[(~of_mean).astype(int), place, at[0]]
     needed = hidden.needed[at]
     return pd.DataFrame(
         {
@@ -99,7 +99,7 @@ def list_reference(run: Simulated) -> "pd.DataFrame":
             "judged": ~at_wall(quantity, section["mesh"].loc[impact].to_numpy()),
             "agreement": section["agreement"].loc[impact].to_numpy(),
             "paths": paths,
-            "lean": _find_lean(columns, steps),
+            "lean": 2.0 * gains,  # of z = 1 a gain is lean (2 + 1) / 6
             "unseen_low": np.where(of_mean, hidden.mean_up[at], hidden.sd_up[at]),
             "unseen_high": np.where(of_mean, hidden.mean_down[at], hidden.sd_down[at]),
             "unseen_share": hidden.probability[at],
@@ -107,21 +107,3 @@ def list_reference(run: Simulated) -> "pd.DataFrame":
             "remark": "",
         }
     )
-
-
-def _number(columns: Mapping[str, Any], quantity: "pd.Series") -> NDArray[np.intp]:
-    """Place of each quantity among the section quantities."""
-    import pandas as pd
-
-    return np.asarray(pd.Index(quantities_in(columns)).get_indexer(pd.Index(quantity)))
-
-
-def _find_lean(columns: SectionColumns, steps: "pd.DataFrame") -> Floats:
-    """Skewness of what is averaged in each row of a table over sqrt(n), as `skewness_gains` has it.
-
-    Shapes: result (rows,).
-    """
-    gains = skewness_gains(columns, 1.0)
-    at = _number(columns, steps["quantity"]), steps["impact"].to_numpy() - 1
-    # of z = 1 the gain is lean (2 + 1) / 6
-    return np.asarray(2.0 * gains[(steps["moment"] == "sd").to_numpy(int), *at])
