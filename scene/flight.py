@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from rattle.scene.compiled import internal, jit, little_code, not_inlined, splice
+from rattle.scene.compiled import inline, internal, jit, little_code, not_inlined, splice
 from rattle.scene.damping import Damped, damped, pair
 from rattle.scene.drive import (
     PERIOD,
@@ -43,20 +43,28 @@ COMMON = -1  # source of the noise that is common to all wheels
 RESONANCE = 1e-2
 
 
-@jit
-def wheel_speeds(c: Constants, tau: float, s: Floats) -> Floats:
-    """Speeds ``u_i`` of the wheels at their own meshes.
+@inline
+def put_speeds(c: Constants, driver: float, s: Floats, u: Floats) -> None:
+    """Write the speeds of the wheels at their own meshes, at a speed of the driver.
 
-    Shapes: `s` (2 wheels,); result (wheels,).
+    Shapes: `s` (2 wheels,); `u` (wheels,).
     """
-    driver = c.alpha * velocity(c.drive, tau)
-    u = np.empty(c.wheels.size)
     for i in range(u.size):
         wheel = c.wheels[i]
         if wheel.parent < 0:
             u[i] = wheel.turn * driver - wheel.sign * s[2 * i + 1]
         else:
             u[i] = wheel.ratio * u[wheel.parent] + s[2 * i + 1]
+
+
+@jit
+def wheel_speeds(c: Constants, tau: float, s: Floats) -> Floats:
+    """Speeds ``u_i`` of the wheels at their own meshes.
+
+    Shapes: `s` (2 wheels,); result (wheels,).
+    """
+    u = np.empty(c.wheels.size)
+    put_speeds(c, c.alpha * velocity(c.drive, tau), s, u)
     return u
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from rattle.montecarlo.ensemble.result import Ensemble
 from rattle.montecarlo.kernel.block import BLOCK, Plan, Reduced
 from rattle.montecarlo.kernel.blocks import Blocks, in_threads
-from rattle.montecarlo.schemes.step_size import COARSEST, SCHEMES, default_step, is_admissible
+from rattle.montecarlo.schemes.step_size import SCHEMES, default_step, is_admissible
 from rattle.montecarlo.seed import Rng, read_seed
 from rattle.montecarlo.settings import Record, Sampling, count_followed, plan_of
 from rattle.montecarlo.statistics.records import Batches, Histograms
@@ -92,7 +92,7 @@ def simulate(
         why = "give a Sampling, as in sampling=Sampling(control=True)"
         raise InputError("sampling", sampling, why)
     if record.step_bias is None and SCHEMES[scheme].has_step_bias:
-        record = replace(record, step_bias=dt is None or is_admissible(scene, dt, scheme, COARSEST))
+        record = replace(record, step_bias=dt is None or is_admissible(scene, dt, scheme))
     dt = default_step(scene, scheme, bool(record.step_bias)) if dt is None else dt
     plan = plan_of(scene, paths, impacts, dt, scheme, read_seed(rng), workers, record, sampling)
     blocks = sampling.blocks or in_threads(workers)

@@ -15,6 +15,7 @@ from rattle.montecarlo.schemes.short_flight import Phase
 from rattle.scene import Constants, Floats, Ints
 from rattle.scene.compiled import inline, splice
 from rattle.scene.drive import sine_cosine
+from rattle.scene.flight import put_speeds
 from rattle.scene.impact import strike
 
 CONTROLS = 4
@@ -92,18 +93,6 @@ def _piece(
     return pulled - start, 0.5 * (pulled * pulled - start * start - variance * square)
 
 
-@inline
-def _put_speeds(c: Constants, driver: float, s: Floats, u: Floats) -> None:
-    """The speeds of the wheels in a state, at a speed of the driver: `wheel_speeds` of
-    `rattle.scene.flight` into a given array."""
-    for i in range(u.size):
-        wheel = c.wheels[i]
-        if wheel.parent < 0:
-            u[i] = wheel.turn * driver - wheel.sign * s[2 * i + 1]
-        else:
-            u[i] = wheel.ratio * u[wheel.parent] + s[2 * i + 1]
-
-
 @splice
 def add_noise_work(
     c: Constants,
@@ -131,7 +120,7 @@ def add_noise_work(
     for p in range(len(rows)):
         at = tau - apart
         here = sine_cosine(at)
-        _put_speeds(c, c.alpha * here[1], before[p], u)
+        put_speeds(c, c.alpha * here[1], before[p], u)
         k = 0
         j = min(PIECE_SAMPLES - 1, last)
         sum0 = sum1 = sum2 = sum3 = 0.0
@@ -144,7 +133,7 @@ def add_noise_work(
             if impact:
                 now = rows[p, k, 0]
             there = sine_cosine(now)
-            _put_speeds(c, c.alpha * there[1], rates, ends)
+            put_speeds(c, c.alpha * there[1], rates, ends)
             beta = -1.0
             growth = (0.0, 0.0, 0.0)
             first = 0.0
@@ -169,7 +158,7 @@ def add_noise_work(
                 j = min(j + PIECE_SAMPLES, last)
             at = now
             here = there
-            _put_speeds(c, c.alpha * there[1], rates, u)
+            put_speeds(c, c.alpha * there[1], rates, u)
         out[p, 0] += sum0
         out[p, 1] += sum1
         out[p, 2] += sum2

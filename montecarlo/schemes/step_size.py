@@ -16,7 +16,7 @@ from rattle.montecarlo.schemes.euler_located import LOCATED
 from rattle.montecarlo.schemes.exact_flight import EXACT
 from rattle.montecarlo.schemes.short_flight import pushed_by
 from rattle.montecarlo.schemes.time_scales import Limit
-from rattle.scene import InputError, Scene, finite
+from rattle.scene import InputError, Scene, positive
 from rattle.scene.flight import COMMON, jacobian, noise_covariance
 from rattle.scene.linear_algebra import transform
 from rattle.scene.numpy_errors import numpy_defaults
@@ -182,8 +182,7 @@ def check_step(scene: Scene, dt: float, scheme: str, coarsest: int = 1) -> float
 
     `coarsest`: Largest multiple of dt that is run too; ignored for a scheme without step bias.
     """
-    if not finite("dt", dt) > 0.0:
-        raise InputError("dt", dt, "must be greater than 0")
+    positive("dt", dt)
     largest, reason = largest_step(scene, scheme)
     least = largest / MOST_PER_STEP
     if dt < least:
@@ -199,10 +198,10 @@ def check_step(scene: Scene, dt: float, scheme: str, coarsest: int = 1) -> float
     return float(dt)
 
 
-def is_admissible(scene: Scene, dt: float, scheme: str, coarsest: int = 1) -> bool:
-    """Whether `check_step` takes a step."""
+def is_admissible(scene: Scene, dt: float, scheme: str) -> bool:
+    """Whether `check_step` takes a step and its multiple `COARSEST`."""
     try:
-        check_step(scene, dt, scheme, coarsest)
+        check_step(scene, dt, scheme, COARSEST)
     except InputError:
         return False
     return True
