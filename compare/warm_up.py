@@ -87,10 +87,10 @@ def tasks(orders: int = 1) -> dict[str, Task]:
 
     def predict(scene: rt.Scene, closure: str) -> None:
         """All that a closure can be asked for."""
-        found = rt.mean_map(scene, impacts=WARM_UP_IMPACTS, closure=closure)
-        start, end = found.section["tau"].iloc[[0, -1]]
-        found.at_times([0.5 * (start + end)])
-        found.density(WARM_UP_IMPACTS, "y1", np.zeros(1))
+        prediction = rt.mean_map(scene, impacts=WARM_UP_IMPACTS, closure=closure)
+        start, end = prediction.section["tau"].iloc[[0, -1]]
+        prediction.at_times([0.5 * (start + end)])
+        prediction.density(WARM_UP_IMPACTS, "y1", np.zeros(1))
 
     def follow_on_one_noise() -> None:
         """A long path, and pairs of paths on one noise."""
@@ -190,9 +190,9 @@ def help_parent(wanted: str) -> None:
     command, _, several = wanted.partition(", ")
     orders = 2 if several else 1
     kept = kept_tasks(orders)
-    found = tasks(orders)
-    names = reversed(found) if command == WARM_UP else NEEDS.get(command, ())
-    needed = {name: found[name] for name in names}
+    all_tasks = tasks(orders)
+    names = reversed(all_tasks) if command == WARM_UP else NEEDS.get(command, ())
+    needed = {name: all_tasks[name] for name in names}
     for _ in compile_tasks(needed, kept) if kept else ():
         pass
 

@@ -263,13 +263,13 @@ def plan_of(
 
 def _longest(itineraries: dict[str, tuple[int, ...]]) -> tuple[str, ...]:
     """Names of the itineraries of which no other is the beginning or the same."""
-    found: list[str] = []
+    reasons: list[str] = []
     for name in sorted(
         itineraries, key=lambda n: (-np.count_nonzero(itineraries[n]), n != NOISE_FREE)
     ):
-        if not any(begins(itineraries[name], itineraries[other]) for other in found):
-            found.append(name)
-    return tuple(found)
+        if not any(begins(itineraries[name], itineraries[other]) for other in reasons):
+            reasons.append(name)
+    return tuple(reasons)
 
 
 def begins(itinerary: Sequence[int], other: Sequence[int]) -> bool:

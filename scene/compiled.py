@@ -248,12 +248,12 @@ class Kept(NUMBAS_CACHE):  # type: ignore[misc]
         if _anew or _refuse(describe_edit(SOURCES)):
             return None
         rtsys.initialize(target_context)  # numba's runtime, for functions that call it
-        found = self._read(signature, target_context)
-        if found is None and self._take(signature):
-            found = self._read(signature, target_context)  # another process may have compiled it
-            if found is not None:
+        compiled = self._read(signature, target_context)
+        if compiled is None and self._take(signature):
+            compiled = self._read(signature, target_context)  # another process may have compiled it
+            if compiled is not None:
                 self._release(self._key(signature))
-        return found
+        return compiled
 
     def _read(self, signature: Any, target_context: Any) -> Any:
         """Machine code from the disk; None where there is none, or none that can be read."""

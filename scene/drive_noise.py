@@ -78,9 +78,9 @@ def find_pattern(
             scores[float(score[degree])] = cycle, degree
         cycle, degree = scores[min(scores)]
         design = np.hstack([powers[:, : degree + 1], _mark_phases(number, cycle)])
-        found = np.linalg.lstsq(design[rows], values[rows], rcond=None)[0]
-        slow = Legendre(found[: degree + 1], domain)
-        pattern = Pattern(slow, values - design @ found, len(found), cycle, rows)
+        coefficients = np.linalg.lstsq(design[rows], values[rows], rcond=None)[0]
+        slow = Legendre(coefficients[: degree + 1], domain)
+        pattern = Pattern(slow, values - design @ coefficients, len(coefficients), cycle, rows)
         again = _find_near(pattern.residual, good, least)
         if np.array_equal(again, rows):
             break

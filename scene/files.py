@@ -186,13 +186,13 @@ def _line_of(text: str, error: InputError) -> int | None:
     table = ""
     tables = 0
     for number, line in enumerate(text.splitlines(), start=1):
-        if found := TABLE.match(line):
-            table = found[1].strip()
+        if match := TABLE.match(line):
+            table = match[1].strip()
             if table == part:
                 tables += 1
                 table = f"{part}.{tables}"
-        found = KEY_PATTERN.match(line)
-        if found and f".{table}.{found[1]}".endswith(tuple(wanted)):
+        match = KEY_PATTERN.match(line)
+        if match and f".{table}.{match[1]}".endswith(tuple(wanted)):
             return number
     return None
 

@@ -215,15 +215,16 @@ def take_measured(data: Facts) -> Facts:
     none of its own."""
     if not isinstance(data.get("drive"), Mapping):
         return data
-    found = read_measured(data)
-    gears = {"omega": found.omega} | data["gears"] | {"amplitude": found.amplitude}
+    measured = read_measured(data)
+    gears = {"omega": measured.omega} | data["gears"] | {"amplitude": measured.amplitude}
     wheels = data.get("wheel")
     if not wheels and not set(SPEEDS) & set(gears):
         gears.pop("driver_radius", None)  # the amplitude is in mm now
     backlash = read_gears(gears, 1, wheels).units.length
-    scene = {"sigma": found.sigma_ratio * found.amplitude / backlash} | data.get("scene", {})
+    scene = {"sigma": measured.sigma_ratio * measured.amplitude / backlash} | data.get("scene", {})
     orders = [
-        {"order": one.order, "amplitude": one.amplitude, "phase": one.phase} for one in found.drive
+        {"order": one.order, "amplitude": one.amplitude, "phase": one.phase}
+        for one in measured.drive
     ]
     return data | {"gears": gears, "drive": orders, "scene": scene}
 

@@ -154,9 +154,9 @@ def safe_time(
         soon = max(acceleration, 0.0) + jerk * longer
         if not soon < 0.5 * most:
             break
-        found = _within(distance, speed, soon)
-        if found < longer:
-            return max(step, found)
+        within = _within(distance, speed, soon)
+        if within < longer:
+            return max(step, within)
         step = longer
     return step
 

@@ -130,7 +130,7 @@ class MeasuredDrive:
             if self.left_out > VANISHING
             else f"less than {percent(VANISHING)}"
         )
-        said = [
+        sentences = [
             f"{self.periods} periods at {self.omega:.5g} rad/s: {', '.join(named)}; what is left"
             f" out has {rest} of the rms acceleration."
         ]
@@ -141,28 +141,28 @@ class MeasuredDrive:
                 " is subtracted"
             )
         if self.low > 0.0:
-            said.append(
+            sentences.append(
                 "The scatter of the periods is that of white noise of sigma ="
                 f" {self.sigma_ratio:.3g} alpha (95 % interval {self.low:.3g} to {self.high:.3g}"
                 f" alpha){own}."
             )
         else:
-            said.append(
+            sentences.append(
                 f"The periods show no noise of the drive: sigma is at most {self.high:.3g}"
                 f" alpha{own}."
             )
-        said += self.remarks
+        sentences += self.remarks
         if self.low > 0.0 and abs(self.memory) > REMEMBERS / math.sqrt(self.periods):
             why = (
                 "the noise has a memory (correlation_time)"
                 if self.memory > 0.0
                 else "something alternates"
             )
-            said.append(
+            sentences.append(
                 f"Successive periods correlate by {self.memory:.2f}: {why}, and sigma is that of"
                 " white noise which scatters as much, not that of its own spectrum."
             )
-        return said
+        return sentences
 
     def plot(self) -> "ShownFigure":
         """Draw the mean period beside the orders, with the scatter of the periods and what is left

@@ -122,7 +122,7 @@ def _read_header(head: str, names: list[str]) -> list[tuple[str, str]]:
     if len(names) != 2:
         why = f"has {len(names)} column{'s' * (len(names) != 1)}; keep two, as in: {FILE_EXAMPLE}"
         raise InputError("drive.file", head, why)
-    found = []
+    columns = []
     for name, known in zip(names, (STEP_UNITS, VALUES), strict=True):
         parts = HEADER.fullmatch(name)
         if parts is None:
@@ -139,8 +139,8 @@ def _read_header(head: str, names: list[str]) -> list[tuple[str, str]]:
         if unit not in known[column]:
             why = f"has an unknown unit; give {', '.join(known[column])}"
             raise InputError("drive.file", f"{column} [{unit}]", why)
-        found.append((column, unit))
-    return found
+        columns.append((column, unit))
+    return columns
 
 
 def _read_pair(number: int, line: str, mark: str, cells: list[str]) -> list[float]:

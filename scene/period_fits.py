@@ -87,10 +87,10 @@ def fit_periods(samples: Samples, highest: int, cycle: int = 1) -> PeriodFits:
         wave = np.full(len(orders), np.nan + 0j)
         if len(rows) >= SPARE_ROWS * design.shape[1]:
             values = samples.values[rows]
-            found = np.linalg.solve(design.T @ design, design.T @ (values - values.mean()))[
+            fitted = np.linalg.solve(design.T @ design, design.T @ (values - values.mean()))[
                 3 - samples.power :
             ]
-            wave = (found[: len(orders)] - 1j * found[len(orders) :]) * (1j * orders) ** (
+            wave = (fitted[: len(orders)] - 1j * fitted[len(orders) :]) * (1j * orders) ** (
                 2 - samples.power
             )
         waves.append(wave)
@@ -161,8 +161,8 @@ def measure_own_noise(samples: Samples, orders: Floats, mean: Waves) -> tuple[fl
         # an offset that may drift
         rest -= uniform_filter1d(rest, len(rest) // count_periods(samples.tau))
         strength = acceleration**2 / np.gradient(samples.tau)
-        (_, found), covariance = np.polyfit(strength, rest**2, 1, cov=True)
-        return float(found), float(np.sqrt(covariance[1, 1]))
+        (_, slope), covariance = np.polyfit(strength, rest**2, 1, cov=True)
+        return float(slope), float(np.sqrt(covariance[1, 1]))
     rest = samples.values - evaluate(
         orders, mean / (1j * orders) ** (2 - samples.power), samples.tau
     )

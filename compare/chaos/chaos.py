@@ -180,5 +180,5 @@ def chaos(
     seed = read_whole_seed(rng)
     effort = Effort(points, impacts, events, width, seed, workers, seconds).check()
     say = print_on_stderr if progress else str
-    found = study(scene, scenes, field, effort, say, None if folder is None else Path(folder))
-    return Chaos(**vars(found))
+    result = study(scene, scenes, field, effort, say, None if folder is None else Path(folder))
+    return Chaos(**vars(result))

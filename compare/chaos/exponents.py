@@ -142,12 +142,12 @@ def _returned(scene: Scene, mesh: Ints, speed: Floats) -> Floats:
     Shapes: `mesh`, `speed` (impacts,); result (2, impacts).
     """
     c = scene.constants
-    found = np.tile(c.wheels["epsilon"][mesh - 1], (2, 1))
+    returned = np.tile(c.wheels["epsilon"][mesh - 1], (2, 1))
     if c.wheels["slowing"].any():
         for k, (m, w) in enumerate(zip(mesh.tolist(), speed.tolist(), strict=True)):
             left, first, _ = falloff_derivatives(c, m - 1, w)
-            found[:, k] *= left, left + first * abs(w)
-    return found
+            returned[:, k] *= left, left + first * abs(w)
+    return returned
 
 
 def _blocks(scene: Scene, s: Stretch) -> Floats:
@@ -255,8 +255,8 @@ def crossings(table: pd.DataFrame, field: str = "alpha", of: str = ORBIT) -> pd.
     sign = signs(rows)
     x = rows[field].to_numpy()
     changes = [(a, b) for a, b in pairwise(np.flatnonzero(sign)) if sign[a] != sign[b]]
-    found = [(of, x[a], x[b], int(sign[b]), int(b - a - 1)) for a, b in changes]
-    return pd.DataFrame(found, columns=["of", "low", "high", "to", "undecided"])
+    marked = [(of, x[a], x[b], int(sign[b]), int(b - a - 1)) for a, b in changes]
+    return pd.DataFrame(marked, columns=["of", "low", "high", "to", "undecided"])
 
 
 def say_crossings(table: pd.DataFrame, field: str, of: str) -> str:

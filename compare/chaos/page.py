@@ -31,30 +31,34 @@ def chaos_tables(study: ChaosStudy) -> dict[str, pd.DataFrame]:
     Returns: ``exponents, mean_maps``, and as far as they were measured ``sections, spectra, lines,
     spectra_summary, fsle`` (finite-size exponents), ``sqrt_law, sweep, crossings, bifurcation``.
     """
-    found = {
+    tables = {
         "exponents": pd.concat([study.orbit.table, study.drift.table], ignore_index=True),
         "mean_maps": study.maps,
     }
     if study.sections:
-        found["sections"] = pd.concat([s.table for s in study.sections.values()], ignore_index=True)
+        tables["sections"] = pd.concat(
+            [s.table for s in study.sections.values()], ignore_index=True
+        )
     if study.spectra:
-        found["spectra"], found["lines"], found["spectra_summary"] = spectra_tables(study.spectra)
+        tables["spectra"], tables["lines"], tables["spectra_summary"] = spectra_tables(
+            study.spectra
+        )
     if study.finite_size is not None:
-        found["fsle"] = study.finite_size
+        tables["fsle"] = study.finite_size
     if study.law is not None:
         law = study.law
-        found["sqrt_law"] = law.table.assign(
+        tables["sqrt_law"] = law.table.assign(
             exponent=law.exponent, exponent_low=law.low, exponent_high=law.high
         )
     if study.sweep is not None:
         ofs = study.sweep["of"].unique()
-        found["sweep"] = study.sweep
-        found["crossings"] = pd.concat(
+        tables["sweep"] = study.sweep
+        tables["crossings"] = pd.concat(
             [crossings(study.sweep, study.field, of) for of in ofs], ignore_index=True
         )
     if study.view is not None:
-        found["bifurcation"] = study.view.table
-    return found
+        tables["bifurcation"] = study.view.table
+    return tables
 
 
 def make_report(found: ChaosStudy, record: Facts) -> Report:

@@ -33,14 +33,14 @@ def assess(base: Scene, begin: Begin, seed: int, **settings: Any) -> None:
     rounds = assess_in_rounds(base, **settings, rng=seed, progress="assess")
     results = begin()
     told: list[str] = []
-    for found in rounds:
-        results.write(found, **settings, seed=seed)
+    for assessment in rounds:
+        results.write(assessment, **settings, seed=seed)
         results.overwrite = True  # from now on the page is this command's own
         refines = not told and settings["budget"] >= REFINED_FROM and not results.as_json
         if refines:
-            told = found.answer
+            told = assessment.answer
             say_lines(told)
             say("A first answer; its page is written. Now the same with more runs.", err=True)
-    results.say([text for text in found.answer if text not in told], found.to_dict)
-    if found.fulfilment not in (None, Fulfilment.MET):
+    results.say([text for text in assessment.answer if text not in told], assessment.to_dict)
+    if assessment.fulfilment not in (None, Fulfilment.MET):
         raise click.exceptions.Exit(EXIT_NOT_MET)

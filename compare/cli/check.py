@@ -120,11 +120,11 @@ def stability(
     count("workers", counts["workers"])
     counts = shared.pick(counts, "points", "paths", "seed", "workers")
     results = Results("", out, "stability", "checks.stability.page", overwrite)
-    found = chart(chosen, along, **counts, folder=results.cells)
+    result = chart(chosen, along, **counts, folder=results.cells)
     tried = run_checks(EXTREMES) if extreme else ()
     asked = {"schemes": chosen, "axes": along, **counts}
-    results.say(results.write(found, tried, scene=moderate().to_dict(), **asked))
-    if len(found.without_diagnostic) or not all(row.holds for row in tried):
+    results.say(results.write(result, tried, scene=moderate().to_dict(), **asked))
+    if len(result.without_diagnostic) or not all(row.holds for row in tried):
         sys.exit(EXIT_BROKEN)
 
 
@@ -289,10 +289,10 @@ def warm_up(times: bool) -> None:
             "machine code cannot be kept: set NUMBA_CACHE_DIR to a folder of your own"
         )
     compile_ahead.expect(WARM_UP)
-    found = tasks()
+    all_tasks = tasks()
     before = kept.count()
-    named = compile_tasks(found, kept, LONGEST_TASK)
-    for name in (bar := ProgressBar(named, label="compiling", unit="task", total=len(found))):
+    named = compile_tasks(all_tasks, kept, LONGEST_TASK)
+    for name in (bar := ProgressBar(named, label="compiling", unit="task", total=len(all_tasks))):
         bar.set_postfix_str(name)
     seconds = time.perf_counter() - started
     say(f"{kept.count() - before} functions compiled in {seconds:.0f} s; kept in {kept.place}")

@@ -73,7 +73,7 @@ def judge(
             tables = {name: table.set_index(rows) for name, table in tables.items()}
     limits = Tolerances(**tolerances)
     asked: dict[str, Any] = {"level": level, "tolerances": limits, "groups": groups}
-    found = judge_samples(tables, samples, coarser=coarser, names=quantities or None, **asked)
-    results.conclude(found, predicted=str(predicted), samples=str(samples))
-    if require and not found.accurate:
+    judgement = judge_samples(tables, samples, coarser=coarser, names=quantities or None, **asked)
+    results.conclude(judgement, predicted=str(predicted), samples=str(samples))
+    if require and not judgement.accurate:
         sys.exit(EXIT_NOT_MET)

@@ -107,8 +107,8 @@ def boundary(
     else:
         search = partial(rt.boundary if quantity is None else rt.crossing, progress="boundary")
     with shared.estimates_shown():
-        found = search(base, **settings, folder=results.cells, rng=seed, workers=workers)
-    results.conclude(found, **settings, seed=seed)
+        result = search(base, **settings, folder=results.cells, rng=seed, workers=workers)
+    results.conclude(result, **settings, seed=seed)
 
 
 @click.command()
@@ -164,7 +164,7 @@ def sensitivity(
         find = closure_sensitivity
     find = partial(find, parameters=parameters or None, progress="sensitivity")
     with shared.estimates_shown():
-        found = find(base, **settings, rng=seed, workers=workers)
-    results.conclude(found, **settings, seed=seed)
-    if closure is None and accuracy is not None and not found.reached:
+        result = find(base, **settings, rng=seed, workers=workers)
+    results.conclude(result, **settings, seed=seed)
+    if closure is None and accuracy is not None and not result.reached:
         raise click.exceptions.Exit(EXIT_NOT_MET)

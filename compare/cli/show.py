@@ -190,12 +190,15 @@ def drive(measured: Path, **written: Any) -> None:
             str(measured),
             "has no measured drive; give a scene file with [drive] and file = ...",
         )
-    found = read_measured(data)
+    measurement = read_measured(data)
     facts = {
         k: v
-        for k, v in vars(found).items()
+        for k, v in vars(measurement).items()
         if k not in ("cycle", "spread", "sum_of_orders", "drive")
     }
-    said = [*found.answer, f"sigma of this scene: {base.sigma:.4g} with alpha = {base.alpha:.4g}."]
-    results.write(found, scene=base.to_dict(), file=str(data["drive"]["file"]))
-    results.say(said, lambda: facts | {"answer": said})
+    sentences = [
+        *measurement.answer,
+        f"sigma of this scene: {base.sigma:.4g} with alpha = {base.alpha:.4g}.",
+    ]
+    results.write(measurement, scene=base.to_dict(), file=str(data["drive"]["file"]))
+    results.say(sentences, lambda: facts | {"answer": sentences})

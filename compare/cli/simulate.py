@@ -299,11 +299,11 @@ def stationary(
         do(f"stationary: bifurcation diagram at {len(at)} values of {field}")
     view = stationary_bifurcation(scenes, field, seed=seed, workers=workers) if at else None
     with shared.estimates_shown():
-        found = rt.stationary(base, **settings, rng=seed, workers=workers, progress="stationary")
+        result = rt.stationary(base, **settings, rng=seed, workers=workers, progress="stationary")
     settings |= {"seed": seed, "field": field, "over": at}
-    answer = results.write(found, view, **settings)
-    results.say(answer, lambda: found.to_dict(units or "dimensionless"))
-    if found.run and not found.run.reached:
+    answer = results.write(result, view, **settings)
+    results.say(answer, lambda: result.to_dict(units or "dimensionless"))
+    if result.run and not result.run.reached:
         raise click.exceptions.Exit(EXIT_NOT_MET)
 
 
@@ -339,7 +339,7 @@ def run_up(
     settings = shared.pick(settings, "seconds", "slow", "budget")
     results = begin()
     with shared.estimates_shown():
-        found = measure_run_up(
+        result = measure_run_up(
             base,
             rpm=ends,
             points=len(speeds),
@@ -348,7 +348,7 @@ def run_up(
             workers=workers,
             progress="run-up",
         )
-    results.conclude(found, **settings, seed=seed, rpm=speeds, down=down)
+    results.conclude(result, **settings, seed=seed, rpm=speeds, down=down)
 
 
 @click.command()
@@ -390,7 +390,7 @@ def chaos(
     positive("budget", settings["budget"])
     effort = Effort(**settings).check()
     results = begin()
-    found = study(base, scenes, field, effort, say_part, results.cells)
-    said = "the scene's" if noise is None else "sqrt(alpha)"
-    swept = {"field": field, "over": at, "noise": said}
-    results.say(results.write(found, **settings, **swept))
+    result = study(base, scenes, field, effort, say_part, results.cells)
+    noise_text = "the scene's" if noise is None else "sqrt(alpha)"
+    swept = {"field": field, "over": at, "noise": noise_text}
+    results.say(results.write(result, **settings, **swept))

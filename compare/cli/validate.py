@@ -230,5 +230,5 @@ def tradeoff(
         check(scheme=scheme, impacts=settings["impacts"], workers=settings["workers"])
     results = begin()
     asked_for = {"accuracies": asked, "orders": orders, **settings}
-    found = measure(base, **asked_for)
-    results.say(results.write(found, **asked_for))
+    result = measure(base, **asked_for)
+    results.say(results.write(result, **asked_for))

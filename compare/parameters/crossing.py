@@ -143,12 +143,12 @@ class Crossing(AlongParameter):
     def answer(self) -> list[str]:
         """Where it crosses the level in words, also by the estimates alone, and what is not
         known."""
-        *said, number = super().answer
+        *sentences, number = super().answer
         near = [f"{value:.3g}" for value in self._cross_estimates()]
         if near:
             places = f"{', '.join(near)} {self.unit}".rstrip()
-            said.append(f"By the estimates alone it crosses near {places}.")
-        return [*said, number]
+            sentences.append(f"By the estimates alone it crosses near {places}.")
+        return [*sentences, number]
 
     def _cross_estimates(self) -> Iterator[float]:
         """Where the straight line between two neighbouring estimates crosses the level, over the

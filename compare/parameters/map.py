@@ -68,8 +68,8 @@ class Search(Cell):
         """Search."""
         budget = self.asked.get("budget")
         limit = {"budget": budget and self.at_once * budget}
-        found = boundary(self.scene, **self.asked | limit)
-        return found.points, {"edges": found.edges, "path_steps": found.path_steps}
+        result = boundary(self.scene, **self.asked | limit)
+        return result.points, {"edges": result.edges, "path_steps": result.path_steps}
 
 
 @numpy_defaults

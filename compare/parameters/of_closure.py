@@ -245,8 +245,8 @@ class _ChangedRuns:
                 if group > FEWEST_GROUPS and time_left.remaining <= 0.0:
                     break
                 groups.append([])
-                for found in pool.map(self.find_moments, self.scenes, repeat(group)):
-                    groups[-1].append(found)
+                for moments in pool.map(self.find_moments, self.scenes, repeat(group)):
+                    groups[-1].append(moments)
                     bar.update()
         return np.array(groups).swapaxes(0, 1)
 

@@ -299,8 +299,8 @@ class _Search:
                         break
         half = float(widest.max())
         reached = math.isfinite(half) and not ((widest > accuracy).any() or self.left_out)
-        said = self.describe(half, accuracy, reached)
-        return Sensitivity(self.scene, table, self.find_values(), self.groups, reached, said)
+        sentence = self.describe(half, accuracy, reached)
+        return Sensitivity(self.scene, table, self.find_values(), self.groups, reached, sentence)
 
     def plan(self, pool: ThreadPoolExecutor, label: str | None) -> None:
         """Find what is exact, or choose the number of groups, and state what is expected."""
@@ -433,9 +433,9 @@ class _Search:
 
     def find_values(self) -> pd.DataFrame:
         """The quantities of the scene itself, over all groups."""
-        found = np.exp(self.base.logs(self.asked, self.groups))
-        mean = found.mean(axis=0)
-        half = _half_width(found)
+        values = np.exp(self.base.logs(self.asked, self.groups))
+        mean = values.mean(axis=0)
+        half = _half_width(values)
         unit = [unit_of(name, self.scene.gears, "physical")[0] for name in self.asked]
         index = pd.Index(self.asked, name="quantity")
         columns = {"value": mean, "low": mean - half, "high": mean + half, "unit": unit}

@@ -212,7 +212,7 @@ def _run_steady(
                 runs.append(SteadyRun(rpm, None, BUDGET_ENDED))
                 continue
             try:
-                found = stationary(
+                run = stationary(
                     ramp.scene_at(rpm),
                     periods=plan.periods,
                     paths=plan.paths,
@@ -222,7 +222,7 @@ def _run_steady(
                     rng=_seed_of(ramp.scene, seed, round(rpm)),
                     workers=workers,
                 )
-                runs.append(SteadyRun(rpm, found))
+                runs.append(SteadyRun(rpm, run))
             except InputError as error:
                 why = BUDGET_ENDED if error.field == "budget" else str(error)
                 if isinstance(error, BurnInError):
@@ -251,7 +251,7 @@ def _follow_twice(
     """The ramp in stretches of one period and of `COARSER`, with the same random numbers."""
     do("run-up: the ramp")
     knots = list(known)
-    scenes = [found.scene for found in known.values()]
+    scenes = [steady.scene for steady in known.values()]
     total = 2 * (ramp.periods + RAMP_BURN_IN)
     copies = []
     with (
@@ -269,7 +269,7 @@ def _follow_twice(
 def _tabulate(known: Known, sums: RampSums | None, scene: Scene) -> pd.DataFrame:
     """Every quantity at every speed, and last in the whole ramp: constant, in the ramp, and the
     difference."""
-    steady = {rpm: found.table_in("physical") for rpm, found in known.items()}
+    steady = {rpm: run.table_in("physical") for rpm, run in known.items()}
     same_sets = _count_same_sets(known, scene)
     parts = []
     for (group, suffix), kind in product(groups(scene.stages), QUANTITIES):
@@ -295,7 +295,7 @@ def _count_same_sets(known: Known, scene: Scene) -> Floats | None:
     """
     if scene.tolerance is None or not scene.tolerance.differs_by_set:
         return None
-    counts = [_count_paths(found) for found in known.values()]
+    counts = [_count_paths(run) for run in known.values()]
     return None if any(one is None for one in counts) else np.array(counts)
 
 

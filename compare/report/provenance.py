@@ -103,10 +103,10 @@ def commit() -> str:
     here = Path(__file__).resolve().parents[2]
 
     def git(*words: str) -> str:
-        said = subprocess.run(
+        output = subprocess.run(
             ["git", "-C", str(here), *words], capture_output=True, check=True
         ).stdout
-        return os.fsdecode(said).strip()
+        return os.fsdecode(output).strip()
 
     try:
         if Path(git("rev-parse", "--show-toplevel")).resolve() != here:

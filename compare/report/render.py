@@ -125,11 +125,11 @@ class Terms:
         end = 0
         seen = set()
         for match in self._pattern.finditer(piece):
-            said = self._meanings[match[1]]
-            if said not in seen:
-                marked += escape(piece[end : match.start()]) + self._mark(match[0], said)
+            meaning = self._meanings[match[1]]
+            if meaning not in seen:
+                marked += escape(piece[end : match.start()]) + self._mark(match[0], meaning)
                 end = match.end()
-                seen.add(said)
+                seen.add(meaning)
         return marked + escape(piece[end:])
 
     def _mark(self, word: str, said: str) -> Markup:
@@ -140,13 +140,13 @@ class Terms:
     def head(self, text: str, shown: Markup) -> Markup:
         """Mark the head of a column with the meanings of all terms in it."""
         meanings = [self._meanings[match[1]] for match in self._pattern.finditer(text)]
-        meanings += [said for word, said in self._code.items() if word == text]
+        meanings += [meaning for word, meaning in self._code.items() if word == text]
         return HINT.format("; ".join(dict.fromkeys(meanings)), shown) if meanings else shown
 
     def cell(self, text: str, shown: Markup) -> Markup:
         """Mark the cell of a table if it is a term."""
-        said = self._code.get(text) or self._meanings.get(text)
-        return shown if said is None else WORD.format(said, -1, shown)
+        meaning = self._code.get(text) or self._meanings.get(text)
+        return shown if meaning is None else WORD.format(meaning, -1, shown)
 
 
 @dataclass

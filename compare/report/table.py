@@ -23,8 +23,8 @@ NO_VALUE = "–"  # shown in place of NaN
 
 def leading_number(text: str) -> float | None:
     """The first number in a text, by which a column of numbers is sorted."""
-    found = re.search(r"[-+]?\d[\d,]*(?:\.\d+)?(?:[eE][-+]?\d+)?", text)
-    return float(found[0].replace(",", "")) if found else None
+    match = re.search(r"[-+]?\d[\d,]*(?:\.\d+)?(?:[eE][-+]?\d+)?", text)
+    return float(match[0].replace(",", "")) if match else None
 
 
 def align_columns(rows: Sequence[Sequence[str]], alignment: str) -> list[str]:

@@ -116,7 +116,7 @@ def span(values: Iterable[float], form: str) -> str:
     >>> span([17.257, 17.262], ".4g"), span([0.05, 0.1], ".0%")
     ('17.26', '5% to 10%')
     """
-    found = list(values)
-    low = format(min(found), form)
-    high = format(max(found), form)
+    listed = list(values)
+    low = format(min(listed), form)
+    high = format(max(listed), form)
     return low if low == high else f"{low} to {high}"

@@ -162,8 +162,8 @@ def stationary(
         never_met = refuse_burn_in(settled.periods, settled.drift, settled.apart)
         raise _name_attractors(never_met, kinds, scene)
     attractors = _describe(kinds, scene) if len(kinds) > 1 else ""
-    said = line(render_text("stationary/said.j2", run=run, orbit=orbit, attractors=attractors))
-    return Stationary(scene, "simulated", said, table, run, orbit, slow, named)
+    sentence = line(render_text("stationary/said.j2", run=run, orbit=orbit, attractors=attractors))
+    return Stationary(scene, "simulated", sentence, table, run, orbit, slow, named)
 
 
 def _exact_table(values: dict[str, float]) -> pd.DataFrame:
@@ -180,8 +180,8 @@ def _resting(scene: Scene, a: Attractor, slow: float, closures: tuple[str, ...])
     meshes = range(1, scene.stages + 1)
     values |= {f"contact_share_mesh{mesh}": a.contact[mesh - 1] for mesh in meshes}
     values |= {f"open_share_mesh{mesh}": 0.0 for mesh in meshes}
-    said = f"At rest: the motion {a.reason}; there are no impacts and no energy is lost."
-    return Stationary(scene, "rest", said, _exact_table(values), None, a, slow, closures)
+    sentence = f"At rest: the motion {a.reason}; there are no impacts and no energy is lost."
+    return Stationary(scene, "rest", sentence, _exact_table(values), None, a, slow, closures)
 
 
 def _seen_at_rest(found: Stationary, rest: AtRest) -> Stationary:
@@ -190,7 +190,7 @@ def _seen_at_rest(found: Stationary, rest: AtRest) -> Stationary:
     most = most_unseen(2.0 * math.pi * periods * paths) + rest.left_out
     table = found.table.assign(se=math.nan, low=math.nan, high=math.nan)
     table.loc[table.index.str.startswith("rate"), ["low", "high"]] = 0.0, most
-    said = render_text(
+    sentence = render_text(
         "stationary/said.j2",
         orbit=found.orbit,
         paths=paths,
@@ -198,7 +198,7 @@ def _seen_at_rest(found: Stationary, rest: AtRest) -> Stationary:
         most=most,
         memory=found.scene.correlation_time,
     )
-    return replace(found, said=line(said), table=table)
+    return replace(found, said=line(sentence), table=table)
 
 
 def _exact(
@@ -219,13 +219,15 @@ def _exact(
     if orbit.kind != PERIODIC:
         return _resting(scene, orbit, slow, closures)
     values = values_of(law_of(orbit), scene, slow, orbit.contact)
-    said = f"Exact: without noise the motion {orbit.reason}."
+    sentence = f"Exact: without noise the motion {orbit.reason}."
     if orbit.sticks:
-        said += (
+        sentence += (
             " Completed chatter has infinitely many impacts; those are counted up to which it is"
             " followed."
         )
-    return Stationary(scene, "periodic", said, _exact_table(values), None, orbit, slow, closures)
+    return Stationary(
+        scene, "periodic", sentence, _exact_table(values), None, orbit, slow, closures
+    )
 
 
 def _attractors(scene: Scene, orbit: Attractor) -> list[list[Attractor]]:

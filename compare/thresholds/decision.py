@@ -55,26 +55,26 @@ def predict(model: Model, claim: Claim) -> NamedSection:
     if method.own:
         method = replace(method, predicts=claim.columns)
     # phase-reduced, so that a late start loses no digits
-    found = mean_map(claim.scene, impacts=claim.impacts[-1], closure=method).phase_reduced
+    prediction = mean_map(claim.scene, impacts=claim.impacts[-1], closure=method).phase_reduced
     if claim.kind == ON_ITINERARY:
-        orbit = follow(found.scene, claim.impacts[-1])
-        found = found.on_itinerary()
-        if not begins(found.itinerary, (orbit.mesh * orbit.side)[1:].tolist()):
+        orbit = follow(prediction.scene, claim.impacts[-1])
+        prediction = prediction.on_itinerary()
+        if not begins(prediction.itinerary, (orbit.mesh * orbit.side)[1:].tolist()):
             why = (
-                f"{found.closure} follows another itinerary than the noise-free path; claim"
+                f"{prediction.closure} follows another itinerary than the noise-free path; claim"
                 f" kind={CLAIM_KINDS[0]!r}"
             )
             raise InputError("kind", claim.kind, why)
-    values = found.section.loc[list(claim.impacts), list(claim.columns)]
+    values = prediction.section.loc[list(claim.impacts), list(claim.columns)]
     for (i, j), value in np.ndenumerate(values.to_numpy(float)):
         if not np.isfinite(value):
-            why = f" ({found.stopped})" if found.stopped else ""
+            why = f" ({prediction.stopped})" if prediction.stopped else ""
             remedy = (
                 "leave it out of the marker's quantities, moments or impacts, or correct the model"
             )
-            where = f"{values.columns[j]} of {found.closure} at impact {values.index[i]}"
+            where = f"{values.columns[j]} of {prediction.closure} at impact {values.index[i]}"
             raise InputError(where, value, f"is not a finite number{why}; {remedy}")
-    return NamedSection(found.closure, values)
+    return NamedSection(prediction.closure, values)
 
 
 class TimedRun(NamedTuple):
@@ -276,17 +276,17 @@ def predict_long(model: Any, scene: Scene, quantities: str | Sequence[str]) -> L
         law = laws(scene, (choice("closure", model, CLOSURES_JUDGED),))[model]
         if not isinstance(law, Law):
             raise InputError("closure", model, f"says nothing of the long run: {law}")
-        found: Mapping[str, Any] = values_of(law, scene, 0.1)
+        predicted: Mapping[str, Any] = values_of(law, scene, 0.1)
     elif callable(model):
         label = name_of(model)
-        found = call_users(model, scene, tuple(names))
+        predicted = call_users(model, scene, tuple(names))
     else:
         why = "give a closure's name, or a function (scene, quantities) -> mapping"
         raise InputError("model", model, why)
     values = {}
     for name in names:
         try:
-            values[name] = float(found[name])
+            values[name] = float(predicted[name])
         except (LookupError, TypeError, ValueError):
             why = "is missing or no number; return it, or leave it out"
             raise InputError(f"result of {label}", name, why) from None

@@ -139,9 +139,9 @@ class Rattle:
             size = f"{run.paths:,} paths"
             shown = partial(messages.moment_rows, run=run, z=decision.z)
         else:
-            said = self._guard(predict_long, model, self.claim.scene, quantities)
-            decision = self._guard(decide_long, said, self.claim, self._session)
-            name = f"{said.name} in the long run"
+            values = self._guard(predict_long, model, self.claim.scene, quantities)
+            decision = self._guard(decide_long, values, self.claim, self._session)
+            name = f"{values.name} in the long run"
             size = "{paths:,} paths of {periods:,} periods".format_map(decision.runs[-1].run.facts)
             shown = partial(messages.long_rows, z=decision.z)
         self._record_decision(name, decision, size)
@@ -206,8 +206,10 @@ class Rattle:
         lines = describe_changes(recorded, now, relative, absolute)
         if lines and mode != "regenerate":
             bound = f"{absolute:g} + {relative:g} of a value"
-            said = f"{prediction.closure} differs from its baseline {name} by more than {bound}:"
-            fail("\n".join([said, *lines, f"If that is meant: {again}=regenerate"]))
+            sentence = (
+                f"{prediction.closure} differs from its baseline {name} by more than {bound}:"
+            )
+            fail("\n".join([sentence, *lines, f"If that is meant: {again}=regenerate"]))
         done = ""
         if lines:
             self._guard(write_baseline, path, now, prediction.closure)

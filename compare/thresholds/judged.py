@@ -58,12 +58,12 @@ class Judge:
                 "undecided", marked.get("undecided", self._undecided), ("fail", "skip")
             )
             level = options.pop("level", 1.0 - self._rate)
-            found = judge(predicted, samples, tolerances=limits, level=level, **options)
+            judgement = judge(predicted, samples, tolerances=limits, level=level, **options)
         except RattleError as error:
             refusal = str(error)
         else:
-            self._decide(found, undecided)
-            return found
+            self._decide(judgement, undecided)
+            return judgement
         fail(refusal)
 
     def _read_markers(self) -> dict[str, Any]:

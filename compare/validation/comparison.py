@@ -206,7 +206,9 @@ def _reach(rows: pd.DataFrame, impacts: range) -> tuple[int, int]:
     by_impact = rows.groupby("impact")["verdict"].agg(set)
     verdicts = [by_impact.get(impact, set()) for impact in impacts]
     accurate = unbroken(impacts, map(is_accurate, verdicts)) or 0
-    return accurate, unbroken(impacts, [not is_inaccurate(found) for found in verdicts]) or 0
+    return accurate, unbroken(
+        impacts, [not is_inaccurate(at_impact) for at_impact in verdicts]
+    ) or 0
 
 
 def find_validities(validations: Sequence[Comparison]) -> pd.DataFrame:

@@ -77,7 +77,7 @@ def _draw_section(v: Comparison, number: int) -> DrawnSection:
         "failures": tables.find_failures(v),
         "distances": tables.find_distances(v),
         "errors": {closure: tables.impact_table(v, closure) for closure in v.predictions},
-        "stopped": {closure: found.stopped for closure, found in v.predictions.items()},
+        "stopped": {closure: prediction.stopped for closure, prediction in v.predictions.items()},
     }
     if v.scene.gears is not None:
         content["units"] = v.scene.gears.units

@@ -202,7 +202,7 @@ def find_missed_rows(run: Ensemble, accuracy: float, share: float) -> tuple[Row,
     error, shift, hidden = errors_by_row(run)
     bias, _ = _biases(run)
     bound = shift + bias + _z(error, share) * error
-    found = []
+    missed = []
     for place in zip(*np.nonzero(bound > accuracy), strict=True):
         why = "too few paths"
         if shift[place] > MOST_OF * bound[place]:
@@ -211,8 +211,8 @@ def find_missed_rows(run: Ensemble, accuracy: float, share: float) -> tuple[Row,
             why = "bias of the step"
         moment, i, k = place
         quantity = quantity_at(int(i))
-        found.append(Row(BOUND_MOMENTS[moment], quantity, int(k) + 1, float(bound[place]), why))
-    return tuple(sorted(found, key=lambda row: -row.bound))
+        missed.append(Row(BOUND_MOMENTS[moment], quantity, int(k) + 1, float(bound[place]), why))
+    return tuple(sorted(missed, key=lambda row: -row.bound))
 
 
 def name_dearest_row(run: Ensemble, accuracy: float, share: float) -> str:

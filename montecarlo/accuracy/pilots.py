@@ -129,8 +129,8 @@ def sample_branches(
     rare = begin()
     if rare is None or rare.paths < FEWEST_PATHS:
         return plain
-    found = PilotRun(rare, max(plain.path_seconds, cost_of(rare, 1).core_seconds), True)
-    return found if found.at(accuracy).core_seconds < CHEAPER * cost else plain
+    near = PilotRun(rare, max(plain.path_seconds, cost_of(rare, 1).core_seconds), True)
+    return near if near.at(accuracy).core_seconds < CHEAPER * cost else plain
 
 
 def _pilot_within(
@@ -156,17 +156,17 @@ def _pilot_within(
     if probe.unfinished and slow * probe.paths > budget.remaining:
         return PilotRun(probe, slow, False)
     followed = 0
-    found = None
+    latest = None
     for paths in (*PROBE_PATHS, PILOT_RUN_PATHS) if is_random(scene) else (1,):
-        if found is not None and found.path_seconds * paths > budget.remaining:
+        if latest is not None and latest.path_seconds * paths > budget.remaining:
             break
         run, seconds = time_run(paths=paths)
         took = max(cost_of(run, 1).core_seconds, (seconds - before) / (paths - followed))
-        found = PilotRun(run, took, run.paths == count_followed(scene, PILOT_RUN_PATHS))
+        latest = PilotRun(run, took, run.paths == count_followed(scene, PILOT_RUN_PATHS))
         before = seconds
         followed = paths
-    assert found is not None
-    return found
+    assert latest is not None
+    return latest
 
 
 def choose_scheme(

@@ -53,8 +53,8 @@ def choose_mixture(run: Any) -> BranchMixture | None:
     """
     columns = run.phase_reduced.columns
     plan = run.plan
-    found = search_of(plan.scene.phase_reduced, plan.impacts, plan.dt).until(SMALLEST)
-    branches = found.within(steps_of(run))
+    search = search_of(plan.scene.phase_reduced, plan.impacts, plan.dt).until(SMALLEST)
+    branches = search.within(steps_of(run))
     # in the order of memory of every other one: the kernel is compiled for one order alone
     centre = np.ascontiguousarray(np.nan_to_num(stack_section(columns).T))
     sd = stack_section(columns, "sd_").T
@@ -116,11 +116,13 @@ def _share_out(kurtosis: Floats, added: list[Floats], tails: Floats, paths: int)
 
 def list_distinct(branches: Iterable[Branch], most: int) -> list[Branch]:
     """The first branches whose design points are not those of earlier ones."""
-    found = list[Branch]()
+    distinct = list[Branch]()
     for branch in branches:
-        if len(found) < most and all(_cosine(branch.shift, other.shift) < ALIKE for other in found):
-            found.append(branch)
-    return found
+        if len(distinct) < most and all(
+            _cosine(branch.shift, other.shift) < ALIKE for other in distinct
+        ):
+            distinct.append(branch)
+    return distinct
 
 
 def by_influence(branches: tuple[Branch, ...], sd: Floats) -> list[Branch]:

@@ -160,15 +160,15 @@ class SearchedFlight:
 
     def states(self, times: Floats) -> list[Gaussian]:
         """State and noise at times since the start."""
-        found = []
+        starts = []
         crosses = np.zeros((times.size, *self.start.cross.shape))
         if self.start.noise.size:
             for t, cross in zip(times, crosses, strict=True):
                 cross += jacobian(self.c, t) @ self.start.cross
                 _add_noise(self.c, self.grid, self.tau, t, cross)
         for mean, spread, cross in zip(*self.at(times), crosses, strict=True):
-            found.append(Gaussian(mean, spread, self.start.noise, cross))
-        return found
+            starts.append(Gaussian(mean, spread, self.start.noise, cross))
+        return starts
 
 
 def _wall(c: Constants, mesh: int) -> float:
@@ -218,13 +218,13 @@ def _log_flux(
         outward = np.where(
             u > -6.0, np.log(np.exp(normal) + u * ndtr(u)), normal - np.log(2.0 + u * u)
         )
-        found = np.log(sd) + outward - 0.5 * (gap**2 / var + np.log(2.0 * math.pi * var))
+        flux = np.log(sd) + outward - 0.5 * (gap**2 / var + np.log(2.0 * math.pi * var))
         if own != i:
             cross = spread[:, own, i] / var
             rest = np.sqrt(np.maximum(spread[:, own, own] - cross * spread[:, own, i], 1e-300))
             left = _wall(flight.c, flight.mesh) - flight.side * (means[:, own] + cross * side * gap)
-            found += log_ndtr(left / rest)
-    return np.maximum(np.nan_to_num(found, nan=-np.inf, posinf=-np.inf), NEVER)
+            flux += log_ndtr(left / rest)
+    return np.maximum(np.nan_to_num(flux, nan=-np.inf, posinf=-np.inf), NEVER)
 
 
 def _earlier(
@@ -239,7 +239,7 @@ def _earlier(
     flux = _log_flux(flight, moments, mesh, side)
     peaks = np.flatnonzero((flux[1:-1] >= flux[:-2]) & (flux[1:-1] > flux[2:])) + 1
     valley = np.append(True, np.append((flux[1:-1] <= flux[:-2]) & (flux[1:-1] < flux[2:]), True))
-    found = []
+    impacts = []
     if mesh == flight.mesh and side == flight.side:  # the last peak may be the orbit's own impact
         i = 2 * (mesh - 1)
         late = math.sqrt(max(moments[1][-1, i, i], 0.0)) / max(abs(flight.before[i + 1]), NO_SD)
@@ -273,7 +273,7 @@ def _earlier(
         )
         probability = min(float(mass[-1]), 1.0)
         if probability > ndtr(-FURTHEST):
-            found.append(
+            impacts.append(
                 _meet(
                     flight,
                     mesh,
@@ -282,7 +282,7 @@ def _earlier(
                     np.interp(CUBE_POINTS[0], mass / mass[-1], around),
                 )
             )
-    return found
+    return impacts
 
 
 def _meet(flight: SearchedFlight, mesh: int, side: int, probability: float, times: Floats) -> Event:
@@ -366,7 +366,7 @@ def _miss(flight: SearchedFlight) -> Event | None:
 def events(flight: SearchedFlight) -> list[Event]:
     """All other events of a flight within reach."""
     missed = _miss(flight)
-    found = [] if missed is None else [missed]
+    branches = [] if missed is None else [missed]
     # times at which the own mesh, and at which another one, may be struck first
     ends = flight.time, flight.time + min(flight.time, LATEST_OTHER)
     grids = [np.linspace(0.0, end, GRID + 1)[1:] for end in ends]
@@ -374,5 +374,5 @@ def events(flight: SearchedFlight) -> list[Event]:
     for mesh in range(1, flight.c.wheels.size + 1):
         other = int(mesh != flight.mesh)
         for side in (1, -1):
-            found += _earlier(flight, mesh, side, grids[other], moments[other])
-    return found
+            branches += _earlier(flight, mesh, side, grids[other], moments[other])
+    return branches

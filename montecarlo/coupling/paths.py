@@ -61,10 +61,10 @@ def _stretch(
             z = (z0, z1) if step % 2 == 0 else (z2, z3)
         else:
             z = (0.0, 0.0)
-        found, closed = walk_step(tree, path, step, z, state, hits)
+        impacts, closed = walk_step(tree, path, step, z, state, hits)
         sticking += closed
         last = 0.0
-        for i in range(found):
+        for i in range(impacts):
             flight = at[states] + hits[i, 0] - last
             code = int(hits[i, 1])
             tau = (step % len(w.forcing)) * w.h + hits[i, 0]
@@ -149,8 +149,8 @@ def _after_impact(
     for k in range(steps):
         put_row(begin, state)
         z = _two_normals(tree, k)
-        found, _ = walk_step(tree, PATH_NUMBER, k, z, state, hits)
-        if k < settle or found != 1 or abs(hits[0, 1]) != 1:
+        impacts, _ = walk_step(tree, PATH_NUMBER, k, z, state, hits)
+        if k < settle or impacts != 1 or abs(hits[0, 1]) != 1:
             continue
         share = hits[0, 0] / w.h
         speed = abs(hits[0, 3])
@@ -242,7 +242,7 @@ def _growths(
     a: Floats,
     delta: float,
     ratio: float,
-    found: Floats,
+    growths: Floats,
 ) -> int:
     c = tree.c
     hits = new_hits(tree.c, MOST_IN_A_STEP)
@@ -269,10 +269,10 @@ def _growths(
         far = min(now, last)
         last = now
         if far >= ratio * delta or waited >= wait:
-            found[0, n] = waited * tree.clock.h
-            found[1, n] = math.log(max(far, LEAST_DISTANCE) / delta)
+            growths[0, n] = waited * tree.clock.h
+            growths[1, n] = math.log(max(far, LEAST_DISTANCE) / delta)
             n += 1
-            if n == found.shape[1]:
+            if n == growths.shape[1]:
                 break
             together = now < 1e-3 * delta or not _place(c, a, b, delta)
             waited = 0
@@ -302,7 +302,7 @@ def growths(
     little_code()
     tree = tree_of(scene, seed, DEEPEST)
     wait = max(2, int(patience / tree.clock.h))
-    found = np.empty((2, events))
+    growths = np.empty((2, events))
     n = _growths(
         tree,
         settle,
@@ -311,6 +311,6 @@ def growths(
         np.array(first_state(scene)),
         delta,
         ratio,
-        found,
+        growths,
     )
-    return found[0, :n], found[1, :n]
+    return growths[0, :n], growths[1, :n]

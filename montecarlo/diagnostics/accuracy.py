@@ -51,11 +51,11 @@ def smallest_sd(columns: SectionColumns) -> dict[str, Floats]:
     """
     tau = ROUNDED_SD * np.abs(np.asarray(columns["tau"], float))
     tau_name, flight_name, *states = quantities_in(columns)
-    found = {tau_name: tau, flight_name: tau}
+    smallest = {tau_name: tau, flight_name: tau}
     for q in states:
         size = np.nan_to_num(np.hypot(columns[q], columns["sd_" + q]))
-        found[q] = np.full_like(tau, ROUNDED_SD * size.max(initial=0.0))
-    return found
+        smallest[q] = np.full_like(tau, ROUNDED_SD * size.max(initial=0.0))
+    return smallest
 
 
 def unit_rows(run: Any) -> Floats:

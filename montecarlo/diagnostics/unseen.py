@@ -94,13 +94,13 @@ def find_unseen(
     nil = np.zeros_like(sd)
     if not is_random(scene) or scene.sigma == 0.0 or paths == 0:
         return Unseen(nil, nil, nil, nil, nil, nil, impacts)
-    found = _branches(scene, impacts, paths, mixture, dt)
-    often = found.probabilities * _boosts(found, mixture)
+    branches = _branches(scene, impacts, paths, mixture, dt)
+    often = branches.probabilities * _boosts(branches, mixture)
     expected = often * paths
     rare = (expected < SEEN) & (expected >= 1e-6)
-    added = found.additions if itinerary is None else found.additions_on(itinerary)
+    added = branches.additions if itinerary is None else branches.additions_on(itinerary)
     often = often[rare]
-    probability = found.probabilities[rare]
+    probability = branches.probabilities[rare]
     mean, square, _ = added[:, rare]
     up, down, more, less = np.maximum([mean, -mean, square, -square], 0.0).sum(axis=1)
     influence = np.abs(square)
@@ -110,7 +110,7 @@ def find_unseen(
     chance = nil
     if len(influence):
         chance = np.where(largest > 0.0, probability[influence.argmax(axis=0)], 0.0)
-    beyond = slice(found.known, None)
+    beyond = slice(branches.known, None)
     share = SEEN / (paths if mixture is None else paths * mixture.plain)
     widest = _range(scene, columns)
     for shift, most in ((up, widest), (down, widest), (more, widest**2)):
@@ -120,7 +120,7 @@ def find_unseen(
     sd_up = np.sqrt(sd**2 + more) - sd
     sd_down = sd - np.sqrt(np.maximum(sd**2 - less, 0.0))
     return Unseen(
-        up, down, np.nan_to_num(sd_up), np.nan_to_num(sd_down), chance, needed, found.known
+        up, down, np.nan_to_num(sd_up), np.nan_to_num(sd_down), chance, needed, branches.known
     )
 
 
@@ -135,9 +135,9 @@ def _branches(
     )
 
 
-def _boosts(found: RareEvents, mixture: BranchMixture | None) -> Floats:
+def _boosts(branches: RareEvents, mixture: BranchMixture | None) -> Floats:
     """How many times as often as by plain paths each branch is drawn."""
-    return np.array([1.0 if mixture is None else mixture.boost(b.shift) for b in found.branches])
+    return np.array([1.0 if mixture is None else mixture.boost(b.shift) for b in branches.branches])
 
 
 class Added(NamedTuple):
@@ -170,13 +170,13 @@ def branches_between(
     if not is_random(scene) or scene.sigma == 0.0:
         nil = np.zeros((impacts, 2 + 2 * scene.stages))
         return Added(nil, nil, nil, np.zeros(0))
-    found = _branches(scene, impacts, more, mixture, dt)
-    boosts = _boosts(found, mixture)
-    often = found.probabilities * boosts
+    branches = _branches(scene, impacts, more, mixture, dt)
+    boosts = _boosts(branches, mixture)
+    often = branches.probabilities * boosts
     between = (often >= SEEN / more) & (often < SEEN / fewer)
-    added = np.maximum(found.additions[1:, between], 0.0)
+    added = np.maximum(branches.additions[1:, between], 0.0)
     noise, fourth = (added / boosts[between, None, None]).sum(axis=1)
-    return Added(added[0].sum(axis=0), noise, fourth, found.probabilities[between])
+    return Added(added[0].sum(axis=0), noise, fourth, branches.probabilities[between])
 
 
 def _range(scene: Scene, columns: SectionColumns) -> Floats:
@@ -184,6 +184,6 @@ def _range(scene: Scene, columns: SectionColumns) -> Floats:
     size = np.abs(stack_section(columns))
     size[0] = size[1]  # of times, that of a flight
     size += 3.0 * np.nan_to_num(stack_section(columns, "sd_"))
-    found = np.max(size, axis=1, where=np.isfinite(size), initial=0.0)
-    found[2::2] = 2.0 * scene.constants.wheels["wall"]
-    return np.asarray(found)
+    reach = np.max(size, axis=1, where=np.isfinite(size), initial=0.0)
+    reach[2::2] = 2.0 * scene.constants.wheels["wall"]
+    return np.asarray(reach)

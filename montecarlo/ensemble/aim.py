@@ -222,8 +222,8 @@ def _find_points(noise: Floats, weights: Floats) -> list[Floats]:
     """
     weights = _level(weights)
     often = np.ones(weights.size)
-    found = list[Floats]()
-    while len(found) < MOST_POINTS:
+    points = list[Floats]()
+    while len(points) < MOST_POINTS:
         heavy = weights / often
         direction = noise[heavy.argmax()]
         for _ in range(8):  # those on its side alone: an exit may be reached by opposite noise
@@ -238,11 +238,11 @@ def _find_points(noise: Floats, weights: Floats) -> list[Floats]:
         )
         point = distance * direction
         more = often + _expect_near(noise, point)
-        if found and (weights / more).sum() > HELPS * heavy.sum():
+        if points and (weights / more).sum() > HELPS * heavy.sum():
             break
-        found.append(point)
+        points.append(point)
         often = more
-    return found
+    return points
 
 
 def _expect_near(noise: Floats, point: Floats) -> Floats:

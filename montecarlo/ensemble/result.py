@@ -564,22 +564,22 @@ class Ensemble(SectionResult):
             value, se = (self.columns[start + name].astype(float) for start in ("", "se_"))
             nil = np.zeros(self.impacts)
             return statistics.StepBias(nil, nil, value, se, nil)._asdict()
-        found = {name: v[:, i] for name, v in self._step_biases[moment]._asdict().items()}
+        bias = {name: v[:, i] for name, v in self._step_biases[moment]._asdict().items()}
         for error in ("se_bias", "se_corrected"):
-            found[error] = found[error] * self._estimable(moment)
+            bias[error] = bias[error] * self._estimable(moment)
         if (
             self.plan.apart and not self.result.followers
         ):  # paths that follow at one step may not at another
             own = self._statistics[moment][:, i]
-            found["rest"] = found["rest"] + 2.0 * np.abs(own - found["corrected"] - found["bias"])
-            found["corrected"] = own - found["bias"]
+            bias["rest"] = bias["rest"] + 2.0 * np.abs(own - bias["corrected"] - bias["bias"])
+            bias["corrected"] = own - bias["bias"]
         if moment == "mean":
-            found["rest"] = np.fmax(found["rest"], np.abs(self._kinks[:, i] - found["bias"]))
+            bias["rest"] = np.fmax(bias["rest"], np.abs(self._kinks[:, i] - bias["bias"]))
         late = self.lateness[:, i]
-        found["rest"] = found["rest"] + np.where(late > 0.0, late + np.abs(found["bias"]), 0.0)
+        bias["rest"] = bias["rest"] + np.where(late > 0.0, late + np.abs(bias["bias"]), 0.0)
         if name == "tau":  # counted from the phase, and said in absolute time
-            found["corrected"] = self.scene.to_absolute_time(found["corrected"])
-        return found
+            bias["corrected"] = self.scene.to_absolute_time(bias["corrected"])
+        return bias
 
     @cached_property
     def lateness(self) -> Floats:

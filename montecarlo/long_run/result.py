@@ -85,12 +85,12 @@ class LongReach(NamedTuple):
     @property
     def sentence(self) -> str:
         """What was reached, as text."""
-        found = f"the widest interval is ± {self.width:.2g} of its value ({self.worst})"
+        width = f"the widest interval is ± {self.width:.2g} of its value ({self.worst})"
         if self.reached:
-            return f"Accuracy {self.asked:g} reached: {found}."
+            return f"Accuracy {self.asked:g} reached: {width}."
         if self.sets:
             return (
-                f"Accuracy {self.asked:g} NOT reached: {found}, because gear sets differ; longer"
+                f"Accuracy {self.asked:g} NOT reached: {width}, because gear sets differ; longer"
                 f" paths do not help, about {self.sets:,} sets (paths) would."
             )
         if math.isinf(self.width):
@@ -100,7 +100,7 @@ class LongReach(NamedTuple):
             )
         more = f"{duration_text(self.more_seconds)} of processor time more"
         return (
-            f"Accuracy {self.asked:g} NOT reached within the budget: {found}; about {more} would"
+            f"Accuracy {self.asked:g} NOT reached within the budget: {width}; about {more} would"
             " suffice."
         )
 
@@ -215,7 +215,7 @@ class LongRun:
     @cached_property
     def densities(self) -> tuple[SectionDensity, ...]:
         """Density of the section at each mesh that is struck."""
-        found = []
+        tables = []
         r = self.sums.scales
         for mesh in range(1, self.scene.stages + 1):
             n = self.sums.impacts_at(mesh)
@@ -228,10 +228,10 @@ class LongRun:
                     np.linspace(0.0, PERIOD, PHASES + 1),
                     np.linspace(low, high, VELOCITY_CELLS + 1),
                 )
-                found.append(
+                tables.append(
                     SectionDensity(mesh, *edges, share / area, se / area, float(1.0 - share.sum()))
                 )
-        return tuple(found)
+        return tuple(tables)
 
     def velocity_density(self, mesh: int) -> tuple[Floats, Floats]:
         """Density of the velocity before an impact at a mesh, and its standard error, in the cells

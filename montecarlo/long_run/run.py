@@ -366,11 +366,11 @@ def expect_run(
 
 def _state_estimate(label: str, expected: ExpectedRun, paths: int, budget: float | None) -> None:
     """State what a long run is expected to take, and whether that is beyond a budget."""
-    said = f"{label}: {expected.periods} periods of {paths} paths at the least"
-    said += f", about {duration_text(expected.core_seconds, 2)} of processor time"
+    sentence = f"{label}: {expected.periods} periods of {paths} paths at the least"
+    sentence += f", about {duration_text(expected.core_seconds, 2)} of processor time"
     if budget is not None and expected.core_seconds > budget:
-        said += f", more than the budget of {duration_text(budget)}"
-    ESTIMATES.info("%s", said)
+        sentence += f", more than the budget of {duration_text(budget)}"
+    ESTIMATES.info("%s", sentence)
 
 
 def check_long_run(

@@ -221,7 +221,7 @@ def list_marked(marks: Bools, lanes: int, groups: Ints, out: Ints) -> int:
     # unsigned, for numba checks every signed index for being negative
     whole = Word((lanes + 7) // 8)
     some = Word(0)
-    found = Word(0)
+    marked = Word(0)
     for p in range(lanes, 8 * ((lanes + 7) // 8)):
         marks[p] = False
     for g in range(whole):
@@ -231,9 +231,9 @@ def list_marked(marks: Bools, lanes: int, groups: Ints, out: Ints) -> int:
         first = Word(8) * Word(groups[i])
         for q in range(8):
             lane = first + Word(q)
-            out[found] = lane
-            found += Word(marks[lane])
-    return int(np.int64(found))
+            out[marked] = lane
+            marked += Word(marks[lane])
+    return int(np.int64(marked))
 
 
 @lean_internal
@@ -286,8 +286,8 @@ def retire(every: Lanes, room: Room, impacts: int, live: int) -> int:
     for level in range(1, len(every.impacts)):
         for p in range(live):
             marks[p] &= every.impacts[level, p] >= impacts
-    found = list_marked(marks, live, groups, hits)
-    for i in range(found - 1, -1, -1):  # from the last, so that what is moved is in use
+    finished = list_marked(marks, live, groups, hits)
+    for i in range(finished - 1, -1, -1):  # from the last, so that what is moved is in use
         p = hits[i]
         live -= 1
         path[p], path[live] = path[live], path[p]

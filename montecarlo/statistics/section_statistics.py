@@ -214,7 +214,7 @@ def extrapolate(fine: Summed, coarse: Summed) -> dict[str, StepBias]:
     # (co)variances of the influence functions at dt and 2 dt: var(dt), cov, var(2 dt), of the means
     # and of the sds
     spread = ([v[2, 0], v[1, 1], v[0, 2]], sd_influence(v, sd[0], sd[1]))
-    found = {}
+    biases = {}
     for moment, values, (ff, fc, cc) in (("mean", means, spread[0]), ("sd", sd, spread[1])):
         values = np.where(fine.n > 0, values, np.nan)
         bias = values[1] - values[0]
@@ -226,8 +226,8 @@ def extrapolate(fine: Summed, coarse: Summed) -> dict[str, StepBias]:
             if moment == "sd"
             else np.abs(2.0 * bias - before) / 3.0
         )
-        found[moment] = StepBias(bias, se, values[0] - bias, se_corrected, rest)
-    return found
+        biases[moment] = StepBias(bias, se, values[0] - bias, se_corrected, rest)
+    return biases
 
 
 def estimate_remainder(change: Floats, before: Floats, se: Floats) -> Floats:

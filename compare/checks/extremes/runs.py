@@ -83,8 +83,8 @@ def _tables(scene: Scene) -> list[pd.DataFrame]:
 
 def _verdicts(scene: Scene) -> np.ndarray:
     """The verdict on every moment of every closure."""
-    found = validation.validate(scene, impacts=2, paths=1024, rng=1)
-    return found.table["verdict"].to_numpy(str)
+    judged = validation.validate(scene, impacts=2, paths=1024, rng=1)
+    return judged.table["verdict"].to_numpy(str)
 
 
 def unit_of_length() -> Errors:
@@ -95,12 +95,12 @@ def unit_of_length() -> Errors:
     for power in LENGTH_POWERS:
         factor = 2.0**power
         scene = _scene().scaled(factor)
-        for found, table in zip(_tables(scene), tables, strict=True):
+        for scaled, table in zip(_tables(scene), tables, strict=True):
             lengths = [
                 str(name).removeprefix("se_").removeprefix("sd_") in LENGTHS for name in table
             ]
             exact = table.to_numpy(float) * np.where(lengths, factor, 1.0)
-            yield farthest(found, exact, np.abs(exact))
+            yield farthest(scaled, exact, np.abs(exact))
         yield float((_verdicts(scene) != verdicts).sum())
 
 
@@ -109,8 +109,8 @@ def whole_periods() -> Errors:
     phase near 0."""
     for tau in START_TIMES:
         near_zero = _tables(_scene(_exact_phase(tau)))
-        for found, table in zip(_tables(_scene(tau)), near_zero, strict=True):
-            yield farthest(found, table, np.maximum(table.abs(), 1.0))
+        for later, table in zip(_tables(_scene(tau)), near_zero, strict=True):
+            yield farthest(later, table, np.maximum(table.abs(), 1.0))
 
 
 def proportional_sds() -> Errors:

@@ -209,12 +209,12 @@ def _balance(name: str, run: LongRun, kept: float = 1.0, noise: float = 1.0) -> 
     closed = max(
         run.estimates[f"contact_share_mesh{m}"].value for m in range(1, run.scene.stages + 1)
     )
-    found = (supplied + difference).mean()
+    balance = (supplied + difference).mean()
     scene = run.scene
     shares = [wheel.mass * (1.0 + wheel.beta**2) for wheel in scene.tree]
     power = 0.25 * scene.sigma**2 * sum(shares)  # what the noise supplies per unit of time
     truth = supplied.mean() + (noise - 1.0) * power
-    return Check(f"loss per time, {name}", found, truth, se, 2.0 * closed * power)
+    return Check(f"loss per time, {name}", balance, truth, se, 2.0 * closed * power)
 
 
 def energy_law(seed: int, workers: int) -> Found:

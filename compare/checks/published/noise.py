@@ -117,9 +117,9 @@ def check_exit(
         record=Record(step_bias=False),
     )
     row = run.section.iloc[0]
-    found = row["flight"] if run.unfinished == 0 else math.nan
+    mean = row["flight"] if run.unfinished == 0 else math.nan
     name = f"mean exit time from {share:g}, {scheme}"
-    return Check(name, found, truth, row["se_flight"], left * truth)
+    return Check(name, mean, truth, row["se_flight"], left * truth)
 
 
 def exit_time(seed: int, workers: int) -> Found:
