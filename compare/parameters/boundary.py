@@ -12,11 +12,11 @@ import pandas as pd
 from rattle.closure.closure import Closure
 from rattle.closure.mean_map import find_closure, predict
 from rattle.compare.engine.run import Runner
-from rattle.compare.engine.store import open_store
+from rattle.compare.engine.store import Store, open_store
 from rattle.compare.judge.verdict import Tolerances, Verdict
 from rattle.compare.parameters import search
 from rattle.compare.parameters.finding import AlongParameter
-from rattle.compare.parameters.search import Edge, JudgedValue, SearchRange
+from rattle.compare.parameters.search import Edge, JudgedValue, SearchRange, Widths
 from rattle.compare.report.interrupt import stop_after
 from rattle.compare.report.json_text import json_digest
 from rattle.compare.study.cells import Sample
@@ -183,12 +183,28 @@ def boundary(
     z = search.critical(count("impacts", impacts), scene.stages, count("searches", searches))
     limits = Tolerances(*(tolerances or ()))
     method = find_closure("closure", closure)
-    parameter = given.parameter
-    first = parameter.scene_at(given.scan[0])
+    first = given.parameter.scene_at(given.scan[0])
     method.check(first)
     if progress:
-        state_effort(progress, parameter, first, points, impacts)
-    store = open_store(folder)
+        state_effort(progress, given.parameter, first, points, impacts)
+    return _find_edges(
+        given, method, impacts, z, limits, near, open_store(folder), workers, progress
+    )
+
+
+def _find_edges(
+    given: SearchRange,
+    method: Closure,
+    impacts: int,
+    z: Widths,
+    limits: Tolerances,
+    near: Iterable[float],
+    store: Store,
+    workers: int,
+    progress: str | None,
+) -> Boundary:
+    """Search a range for the values between which a closure stops holding."""
+    parameter = given.parameter
     steps = 0
 
     def judge(value: float) -> JudgedValue:
