@@ -8,6 +8,7 @@ import functools
 import inspect
 import math
 from collections.abc import Iterable
+from dataclasses import fields
 from difflib import SequenceMatcher, get_close_matches
 from numbers import Integral, Real
 from typing import Any, TypeVar
@@ -178,6 +179,15 @@ def check_keys(where: str, given: Iterable[str], valid: Iterable[str]) -> None:
             raise InputError(
                 where, key, f"unknown key; {nearest(key if isinstance(key, str) else '', names)}"
             )
+
+
+def table_in(name: str, value: object, kind: Any = None) -> dict[str, Any]:
+    """A table of a file, with no other keys than the fields of its kind, if it has one."""
+    if not isinstance(value, dict):
+        raise InputError(name, value, f"write it as a table: [{name}]")
+    if kind is not None:
+        check_keys(name, value, (f.name for f in fields(kind)))
+    return dict(value)
 
 
 def suggesting(cls: type[C]) -> type[C]:

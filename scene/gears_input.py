@@ -16,7 +16,15 @@ from pathlib import Path
 from typing import Any
 
 from rattle.scene.drag import DRAG_TABLES
-from rattle.scene.errors import InputError, check_keys, check_range, finite, non_negative, positive
+from rattle.scene.errors import (
+    InputError,
+    check_keys,
+    check_range,
+    finite,
+    non_negative,
+    positive,
+    table_in,
+)
 from rattle.scene.gears import DAT21, DRIVES, NUMBERED, SPEEDS, WHEEL2, Gears
 from rattle.scene.loose_wheel import LooseWheel, kind_of_value
 from rattle.scene.measured_drive import MeasuredDrive, measure_drive
@@ -85,9 +93,7 @@ def read_tolerance(table: Facts, gears: Gears) -> Facts | None:
     """
     if "tolerance" not in table:
         return None
-    given = table["tolerance"]
-    if not isinstance(given, Mapping):
-        raise InputError("gears.tolerance", given, "write it as a table: [gears.tolerance]")
+    given = table_in("gears.tolerance", table["tolerance"])
     check_keys("gears.tolerance", given, TOLERANCE_KEYS)
     widths: Facts = {}
     for i in (1, 2):
@@ -189,7 +195,7 @@ def _phase(table: Facts) -> Any:
 def read_measured(data: Facts) -> MeasuredDrive:
     """The measured drive of a scene file: its table ``[drive]`` with a ``file``."""
     table = data["drive"]
-    gears = data.get("gears", {})
+    gears = table_in("gears", data.get("gears", {}))
     if "order" in table:
         raise InputError("drive", table, "write each order as a table: [[drive]]")
     check_keys("drive", table, MEASURED_KEYS)
@@ -215,13 +221,14 @@ def take_measured(data: Facts) -> Facts:
     none of its own."""
     if not isinstance(data.get("drive"), Mapping):
         return data
+    given = table_in("scene", data.get("scene", {}))
     measured = read_measured(data)
     gears = {"omega": measured.omega} | data["gears"] | {"amplitude": measured.amplitude}
     wheels = data.get("wheel")
     if not wheels and not set(SPEEDS) & set(gears):
         gears.pop("driver_radius", None)  # the amplitude is in mm now
     backlash = read_gears(gears, 1, wheels).units.length
-    scene = {"sigma": measured.sigma_ratio * measured.amplitude / backlash} | data.get("scene", {})
+    scene = {"sigma": measured.sigma_ratio * measured.amplitude / backlash} | given
     orders = [
         {"order": one.order, "amplitude": one.amplitude, "phase": one.phase}
         for one in measured.drive

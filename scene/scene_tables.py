@@ -1,8 +1,7 @@
 """A scene as the tables of a file, written and read."""
 
 from collections.abc import Sequence
-from dataclasses import asdict, fields
-from typing import Any
+from dataclasses import asdict
 
 from rattle.scene import errors, gears_input
 from rattle.scene.errors import InputError
@@ -69,9 +68,9 @@ def write_tables(given: Facts, is_gears: bool) -> Facts:
 def read_tables(data: Facts, names: Sequence[str]) -> tuple[Gears | None, Facts]:
     """The gears of a scene, if it is made from gears, and its other fields, from plain data as
     `Scene.from_dict` says; `names`: of all fields."""
-    errors.check_keys("top level", _table("scene", data), TABLES)
+    errors.check_keys("top level", errors.table_in("scene", data), TABLES)
     data = gears_input.take_measured(data)
-    settings = _table("scene", data.get("scene", {}))
+    settings = errors.table_in("scene", data.get("scene", {}))
     if "drive" in settings:
         raise InputError(
             "scene.drive",
@@ -80,7 +79,7 @@ def read_tables(data: Facts, names: Sequence[str]) -> tuple[Gears | None, Facts]
         )
     for name, part in {"tolerance": Tolerance, "start": Start}.items():
         if name in settings:
-            settings[name] = part(**_table(f"scene.{name}", settings[name], part))
+            settings[name] = part(**errors.table_in(f"scene.{name}", settings[name], part))
     if "body" in data:
         if "gears" in data or "wheels" in settings:
             why = "stands in place of [gears] and [[scene.wheels]]; leave out one of them"
@@ -92,7 +91,9 @@ def read_tables(data: Facts, names: Sequence[str]) -> tuple[Gears | None, Facts]
         place = "body" if "body" in data else "scene.wheels"
         settings["wheels"] = _read_wheels(place, settings["wheels"])
     if "gears" in data:
-        table = gears_input.own_amplitude(_table("gears", data["gears"]), data.get("drive"))
+        table = gears_input.own_amplitude(
+            errors.table_in("gears", data["gears"]), data.get("drive")
+        )
         errors.check_keys("scene", settings, FREE_FIELDS)
         gears = gears_input.read_gears(table, settings.get("stages", 2), data.get("wheel"))
         if gears.wheels and "stages" in settings:
@@ -141,19 +142,10 @@ def _read_wheels(name: str, tables: object) -> list[Wheel]:
 
 def _read_wheel(name: str, number: int, data: object) -> Wheel:
     """A wheel or body from its table, which an error names."""
-    table = _table(name, data, Wheel)
+    table = errors.table_in(name, data, Wheel)
     if "restitution" in table:
-        law = _table(f"{name}.restitution", table["restitution"], Restitution)
+        law = errors.table_in(f"{name}.restitution", table["restitution"], Restitution)
     with (BODIES if name == "body" else PAIR).in_errors(), of_wheel(table.get("name") or number):
         if "restitution" in table:
             table["restitution"] = Restitution(**law)
         return Wheel(**table)
-
-
-def _table(name: str, value: object, kind: Any = None) -> Facts:
-    """A table of a file, with no other keys than the fields of its kind, if it has one."""
-    if not isinstance(value, dict):
-        raise InputError(name, value, f"write it as a table: [{name}]")
-    if kind is not None:
-        errors.check_keys(name, value, (f.name for f in fields(kind)))
-    return dict(value)

@@ -86,6 +86,11 @@ def test_a_scene_file_takes_drive_and_noise_from_the_file_beside_it(tmp_path):
         ("[drive]\nperiods = 3" + MEASURED_GEARS, "drive.file = None: is missing"),
         ("[drive]\nfile = 'speed.csv'\n[scene]\nalpha = 1.5", r"needs \[gears\]"),
         (FROM_FILE + "amplitude = 0.3", "leave it out: the file of the drive"),
+        (
+            'gears = "x"\n[drive]\nfile = "speed.csv"',
+            r"gears = 'x': write it as a table: \[gears\]",
+        ),
+        ("scene = ['x']\n" + FROM_FILE, r"scene = \['x'\]: write it as a table: \[scene\]"),
     ],
 )
 def test_bad_scene_files_are_refused(text, message, tmp_path):
