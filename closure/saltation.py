@@ -391,10 +391,10 @@ def flight_cumulants(
     Shapes: `p`, `q`, `slope` (n, d, d) and (n, m, m); `third` (n, d, d, d); result (n,).
     """
     d = p.shape[1]
-    direct = first[:, 0].copy()  # derivative of the flight time with respect to (s, n)
-    direct[:, 0] -= 1.0
-    past = direct[:, :d]
-    noise = direct[:, d:]
+    delay = first[:, 0].copy()  # derivative of the flight time with respect to (s, n)
+    delay[:, 0] -= 1.0
+    past = delay[:, :d]
+    noise = delay[:, d:]
     reach = np.concatenate([image(p, past), image(q, noise)], axis=1)  # its covariance with (s, n)
     varied = total(noise * image(slope, noise))  # d var(flight | s) / d tau_k
     bent = 3.0 * total(reach * image(hessian[:, 0], reach)) + 3.0 * varied * reach[:, 0]

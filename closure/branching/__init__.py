@@ -172,7 +172,7 @@ class Records:
     """What is known of the mixture at each impact: the fields of `Trace` of these names."""
 
     def __init__(self, rows: int, states: int, known: Impacts) -> None:
-        """With nothing but the start, which all paths share."""
+        """Begin with the start alone, which all paths share."""
         self.known = known
         self.parts: dict[int, tuple[Floats, Floats, Floats]] = {}
         self.agreement, self.discarded = unknown(2, rows)
